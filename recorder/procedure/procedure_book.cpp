@@ -26,12 +26,6 @@ std::string name_of_room(const ProcedureRule& rule) {
   return name;
 }
 
-bool concerns(const ProcedureRule& rule, const ProcedureMessage& message) {
-  return rule.locations.empty() || std::ranges::any_of(message.places, [&](const std::string& place) {
-           return is_of_room(rule, place);
-         });
-}
-
 /// What is not a part of another one of them: "SURGERY^OR1", not "OR1".
 std::vector<std::string_view> whole_places(const std::vector<std::string>& places) {
   std::vector<std::string_view> whole;
@@ -67,6 +61,15 @@ bool is_another_name(const PersonName& one, const PersonName& other) {
          (!given.starts_with(others) && !others.starts_with(given));
 }
 
+/// Born within so many days; of a year or month alone nobody knows.
+bool is_newborn(const std::string& birth_date, UtcTime at) {
+  constexpr std::chrono::hours kNewborn{3 * 24};
+  constexpr std::size_t kWhole = 10;
+  const std::optional<UtcTime> born =
+      birth_date.size() == kWhole ? parse_utc(birth_date + "T00:00:00Z") : std::nullopt;
+  return born && is_within(*born, at, kNewborn);
+}
+
 bool is_of_appointment(const ProcedureMessage& message) {
   return message.kind == ProcedureMessage::Kind::kAppointment ||
          message.kind == ProcedureMessage::Kind::kCancels;
@@ -99,6 +102,19 @@ void leave_identity(ProcedureMessage& message) {
 
 }  // namespace
 
+ProcedureBook::Way ProcedureBook::Kept::way_to(const std::string& place) const {
+  const auto known = ways.find(place);
+  return known == ways.end() ? Way::kMoved : known->second;
+}
+
+void ProcedureBook::Kept::note_way(const std::string& place, Way way) {
+  if (way == Way::kMoved) {
+    ways.erase(place);
+  } else {
+    ways.insert_or_assign(place, way);
+  }
+}
+
 void ProcedureBook::Kept::note_visit(const ProcedureMessage& by) {
   if (by.visit.empty() || by.visit.size() > kLongestNumber) return;
   if (visits.size() >= kMostSenders && !visits.contains(by.sender)) visits.erase(visits.begin());
@@ -130,8 +146,12 @@ ProcedureBook::Likeness ProcedureBook::likeness(const ProcedureMessage& one, con
                               !are_two_visits(one, other) && (is_record(one) || is_there);
     return is_corrected ? Likeness::kSure : Likeness::kPerhaps;
   }
-  if (is_same_number && !is_apart) return Likeness::kSure;
   const bool same_birth = !births_differ && !born.empty() && !others.empty();
+  // Another system's number without an issuer, and another name, are hardly of the same patient.
+  const bool is_perhaps_another = !has_issuer && one.sender != other.sender && !same_birth &&
+                                  is_another_name(one.data.patient, other.data.patient);
+  if (is_same_number && is_perhaps_another) return Likeness::kPerhaps;
+  if (is_same_number && !is_apart) return Likeness::kSure;
   const bool same_name = !one.data.patient.empty() && one.data.patient == other.data.patient;
   if (same_birth || same_name) return Likeness::kSure;
   return is_apart && !is_same_number ? Likeness::kNone : Likeness::kPerhaps;
@@ -180,7 +200,7 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
     return !stays;
   });
   // An appointment that was another patient's before is theirs no more.
-  const std::optional<Arrival> booked = take_out_appointment(messages);
+  const TakenOut before = take_out_appointment(messages);
   for (ProcedureMessage& message : messages) {
     switch (message.kind) {
       case Kind::kPlaces:
@@ -194,7 +214,7 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
         leave(std::move(message), arrival);
         break;
       case Kind::kAppointment:
-        keep_appointment(std::move(message), arrival, booked);
+        keep_appointment(std::move(message), arrival, before);
         break;
       case Kind::kCancels:
         keep_cancelled(std::move(message), arrival);
@@ -212,19 +232,26 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
 }
 
 void ProcedureBook::keep_appointment(ProcedureMessage message, const Arrival& received,
-                                     const std::optional<Arrival>& booked) {
+                                     const TakenOut& before) {
+  std::erase_if(ended_, [&](const auto& each) {
+    const ProcedureMessage& other = each.second.message;
+    return is_of_appointment(other) && same_appointment(message, other) == Likeness::kSure;
+  });
   const std::string key = key_of_appointment(message);
-  ended_.erase("\n" + key);  // key_of_ended()
   Kept kept{received, std::move(message)};
-  kept.booked = booked.value_or(received);
+  kept.booked = before.booked.value_or(received);
+  kept.doubt = kept.message.is_status_unclear ? Doubt::kStatusUnclear
+               : before.is_doubtful           ? Doubt::kOneAppointment
+                                              : Doubt::kNone;
   appointments_.insert_or_assign(key, std::move(kept));
 }
 
 void ProcedureBook::keep_cancelled(ProcedureMessage message, const Arrival& received) {
   const std::string key = key_of_ended(message);
-  std::vector<std::string> places = std::move(message.places);
+  std::vector<std::string> places = rooms_of(message);
   leave_identity(message);
   message.places = std::move(places);
+  message.names_rooms = false;
   ended_.insert_or_assign(key, Kept{received, std::move(message)});
 }
 
@@ -324,10 +351,10 @@ ProcedureBook::Likeness ProcedureBook::lateness(const ProcedureMessage& message)
     for (const auto& [key, kept] : *messages) {
       const ProcedureMessage& known = kept.message;
       if (is_of_appointment(known) != is_of_appointment(message)) continue;
-      const bool is_same_appointment = is_of_appointment(message) && same_appointment(known, message);
-      const Likeness alike = is_same_appointment          ? Likeness::kSure
-                             : is_of_appointment(message) ? Likeness::kNone
-                                                          : likeness(message, known);
+      Likeness alike =
+          is_of_appointment(message) ? same_appointment(message, known) : likeness(message, known);
+      // Of another appointment of the number it is no earlier news.
+      if (is_of_appointment(message) && alike == Likeness::kPerhaps) alike = Likeness::kNone;
       const bool is_newer =
           known.sender == message.sender && known.told && *known.told - *message.told > kSameMoment;
       is_known = is_known || alike == Likeness::kSure;
@@ -339,13 +366,23 @@ ProcedureBook::Likeness ProcedureBook::lateness(const ProcedureMessage& message)
   return is_perhaps && !is_known ? Likeness::kPerhaps : Likeness::kNone;
 }
 
+ProcedureBook::Likeness ProcedureBook::same_appointment(const ProcedureMessage& one,
+                                                        const ProcedureMessage& other) {
+  const std::optional<bool> is_one_number = same_number_of_appointment(one, other);
+  if (is_one_number && !*is_one_number) return Likeness::kNone;
+  const bool names_nobody = one.patient.empty() || other.patient.empty();
+  const Likeness alike = names_nobody ? Likeness::kSure : likeness(one, other);
+  if (is_one_number) return alike == Likeness::kNone ? Likeness::kPerhaps : Likeness::kSure;
+  return alike == Likeness::kNone ? Likeness::kNone : Likeness::kPerhaps;
+}
+
 void ProcedureBook::doubt(const ProcedureMessage& message, const Arrival& received) {
   using Kind = ProcedureMessage::Kind;
   bool is_news = false;
   if (is_of_appointment(message)) {
     if (message.kind != Kind::kCancels && !message.is_over) return;
     for (auto& [key, kept] : appointments_) {
-      if (!same_appointment(kept.message, message)) continue;
+      if (same_appointment(message, kept.message) == Likeness::kNone) continue;
       kept.doubt = Doubt::kToldLate;
       is_news = true;
     }
@@ -474,6 +511,13 @@ void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {
     const bool share = share_a_place(message.places, kept.message.places);
     // Whoever is seen off elsewhere, late, is where they came since.
     if (!leaves && !message.places.empty() && !share) continue;
+    // Nor is anybody seen off by half a number and another name.
+    if (likeness(message, kept.message) != Likeness::kSure &&
+        is_another_name(message.data.patient, kept.message.data.patient)) {
+      kept.doubt = Doubt::kOneNumber;
+      is_still_there = true;
+      continue;
+    }
     // Whoever is discharged from another visit is where this one has them, as far as that goes.
     if (kept.is_of_another_visit(message) && (message.is_of_record || !share)) {
       if (leaves && !is_visit_known) kept.doubt = Doubt::kOtherVisit;
@@ -561,10 +605,13 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     Kept kept{received, std::move(message), {}, doubt, moved};
     kept.gone = take_back(kept.message);
     kept.gone.merge(went_with_visits);
+    if (doubt == Doubt::kNone && is_before_leaving(kept.message, kept)) kept.doubt = Doubt::kToldLate;
+    if (kept.message.places.empty()) kept.note_way("", way_of(kept.message));
     kept.note_visit(kept.message);
     note_change("", received);
     for (const std::string& place : kept.message.places) {
       kept.since.emplace(place, received);
+      kept.note_way(place, way_of(kept.message));
       note_change(place, received);
     }
     const bool arrives = kept.message.moves;
@@ -577,14 +624,27 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
   add_numbers(message.numbers, kept.message.numbers);
   const bool arrives = message.moves && (says_where || kept.message.places.empty());
   if (says_where && !arrives) says_where = leave_out_gone(message, kept);
+  if (says_where && arrives && is_before_leaving(message, kept)) doubt = Doubt::kToldLate;
+  const std::vector<std::string> named = message.places;
+  if (says_where && !arrives && keep_places(message, kept) && doubt == Doubt::kNone &&
+      kept.doubt == Doubt::kNone)
+    doubt = Doubt::kRecordElsewhere;
   // Whoever only sends other facts (A08, A31) of somebody who was there before does not say that they came
   // anew, after whoever came since.
   bool comes = arrives;
   if (says_where) {
     std::map<std::string, Arrival> since;
+    std::map<std::string, Way> ways;
     for (const std::string& place : message.places) {
       const auto before = kept.since.find(place);
       const bool was_there = before != kept.since.end();
+      // Where somebody came they are not less surely for what is registered, or on record.
+      const Way way = std::max(way_of(message), was_there ? kept.way_to(place) : Way::kRecord);
+      if (way != Way::kMoved) ways.emplace(place, way);
+      if (was_there && std::ranges::find(named, place) == named.end()) {
+        since.emplace(place, before->second);
+        continue;
+      }
       const bool other_came = was_there && somebody_else_came(message.patient, place, before->second);
       // Whoever is announced once more where they are (A02 behind A10, a message sent again) changed nothing.
       if (!was_there || (arrives && other_came)) note_change(place, received);
@@ -609,10 +669,12 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
       }
     }
     kept.since = std::move(since);
+    kept.ways = std::move(ways);
     kept.note_visit(message);
     if (message.visit.empty()) message.visit = kept.message.visit;
   } else {
     if (arrives && !kept.moved) note_change("", received);
+    if (arrives && kept.since.empty()) kept.note_way("", std::max(way_of(message), kept.way_to("")));
     message.places = kept.message.places;
     message.data.location = kept.message.data.location;
     message.visit = kept.message.visit;
@@ -633,6 +695,9 @@ void ProcedureBook::join_visits(Messages::iterator arrived, const Arrival& recei
     const bool is_same = &other != &kept && other.message.patient == kept.message.patient &&
                          share_a_place(other.message.places, kept.message.places);
     if (!is_same) return false;
+    for (const auto& [place, came] : other.since) {
+      if (kept.since.contains(place)) kept.note_way(place, std::max(kept.way_to(place), other.way_to(place)));
+    }
     // Whoever was set aside was there before the other came.
     const bool is_newer = other.apart.empty();
     for (const auto& [sender, visit] : other.visits) {
@@ -712,6 +777,32 @@ bool ProcedureBook::leave_out_gone(ProcedureMessage& message, const Kept& kept) 
   return !here.empty();
 }
 
+bool ProcedureBook::keep_places(ProcedureMessage& message, const Kept& kept) {
+  std::vector<std::string> by_event;
+  for (const auto& [place, came] : kept.since) {
+    if (kept.way_to(place) != Way::kRecord) by_event.push_back(place);
+  }
+  if (by_event.empty()) return false;
+  const bool is_elsewhere = !share_a_place(message.places, by_event);
+  if (is_elsewhere) message.data.location = kept.message.data.location;
+  for (std::string& place : by_event) {
+    if (std::ranges::find(message.places, place) == message.places.end())
+      message.places.push_back(std::move(place));
+  }
+  return is_elsewhere;
+}
+
+bool ProcedureBook::is_before_leaving(const ProcedureMessage& message, const Kept& kept) {
+  if (!message.moves || !message.happened) return false;
+  return std::ranges::any_of(message.places, [&](const std::string& place) {
+    const auto gone = kept.gone.find(place);
+    if (gone == kept.gone.end() || kept.since.contains(place)) return false;
+    const Went& went = gone->second;
+    return went.is_event && !went.is_cancelled && went.when.sender != message.sender && went.when.happened &&
+           *message.happened + kSameMoment < *went.when.happened;
+  });
+}
+
 bool ProcedureBook::somebody_else_came(const std::string& patient, const std::string& place,
                                        const Arrival& since) const {
   return std::ranges::any_of(placed_, [&](const auto& other) {
@@ -727,6 +818,39 @@ std::optional<ProcedureBook::Arrival> ProcedureBook::came(const ProcedureRule& r
     if (is_of_room(rule, place) && (!last || last->number < since.number)) last = since;
   }
   return last;
+}
+
+ProcedureBook::Way ProcedureBook::way_into(const ProcedureRule& rule, const Kept& kept) {
+  if (kept.since.empty()) return kept.way_to("");
+  Way surest = Way::kRecord;
+  for (const auto& [place, came] : kept.since) {
+    if (rule.locations.empty() || is_of_room(rule, place)) surest = std::max(surest, kept.way_to(place));
+  }
+  return surest;
+}
+
+bool ProcedureBook::names_rooms(const ProcedureMessage& message) const {
+  const auto is_a_room = [this](const std::string& place) {
+    return std::ranges::any_of(rules_, [&](const ProcedureRule& rule) { return is_of_room(rule, place); });
+  };
+  // A resource (AIG) may be a room, or a machine in one.
+  return message.names_rooms || std::ranges::any_of(message.planned_places, [&](const PlannedPlace& each) {
+           return std::ranges::any_of(each.spellings, is_a_room);
+         });
+}
+
+std::vector<std::string> ProcedureBook::rooms_of(const ProcedureMessage& message) const {
+  if (!names_rooms(message)) return message.places;
+  std::vector<std::string> rooms;
+  for (const PlannedPlace& place : message.planned_places)
+    rooms.insert(rooms.end(), place.spellings.begin(), place.spellings.end());
+  return rooms;
+}
+
+bool ProcedureBook::concerns(const ProcedureRule& rule, const ProcedureMessage& message) const {
+  return rule.locations.empty() || std::ranges::any_of(rooms_of(message), [&](const std::string& place) {
+           return is_of_room(rule, place);
+         });
 }
 
 void ProcedureBook::resolve(ProcedureMessage& message) const {
@@ -802,18 +926,31 @@ void ProcedureBook::rename(ProcedureMessage& message, const Arrival& received) {
 /// before.
 void ProcedureBook::keep_plan(ProcedureMessage& message, const ProcedureMessage& before) {
   const auto states = [](const auto& one) { return one.planned || one.is_time_unclear || one.within; };
-  if (message.kind != ProcedureMessage::Kind::kAppointment || message.books || states(message)) return;
+  if (message.kind != ProcedureMessage::Kind::kAppointment || message.books) return;
+  const bool says_nothing_of_rooms =
+      !message.names_resources && message.planned_places.empty() && !before.planned_places.empty();
+  if (says_nothing_of_rooms) {
+    message.places = before.places;
+    message.planned_places = before.planned_places;
+    message.names_rooms = before.names_rooms;
+    message.data.location = before.data.location;
+  }
+  if (states(message)) {
+    for (PlannedPlace& place : message.planned_places) {
+      if (!says_nothing_of_rooms) break;
+      place.planned = message.planned;
+      place.is_time_unclear = message.is_time_unclear;
+      place.planned_text = message.data.planned;
+      place.within = message.within;
+    }
+    return;
+  }
   if (std::ranges::any_of(message.planned_places, states)) return;
   message.planned = before.planned;
   message.is_time_unclear = before.is_time_unclear;
   message.within = before.within;
   message.data.planned = before.data.planned;
-  if (!message.names_resources && message.planned_places.empty() && !before.planned_places.empty()) {
-    message.places = before.places;
-    message.planned_places = before.planned_places;
-    message.data.location = before.data.location;
-    return;
-  }
+  if (says_nothing_of_rooms) return;
   for (PlannedPlace& place : message.planned_places) {
     const auto same = std::ranges::find_if(before.planned_places, [&](const PlannedPlace& other) {
       return share_a_place(place.spellings, other.spellings);
@@ -826,31 +963,74 @@ void ProcedureBook::keep_plan(ProcedureMessage& message, const ProcedureMessage&
   }
 }
 
-/// Whatever `by` changes or cancels; what it was called before, it is called still.
-std::optional<ProcedureBook::Arrival> ProcedureBook::take_out_appointment(std::vector<ProcedureMessage>& by) {
-  std::optional<Arrival> booked;
+/// Whatever `by` changes or cancels; what it was called before, it is called still. Where it is not sure that
+/// it is that one, both are in doubt, unless they say the same.
+ProcedureBook::TakenOut ProcedureBook::take_out_appointment(std::vector<ProcedureMessage>& by) {
+  TakenOut taken;
+  const auto sameness = [&by](const ProcedureMessage& before) {
+    Likeness most = Likeness::kNone;
+    for (const ProcedureMessage& message : by) {
+      if (is_of_appointment(message)) most = std::max(most, same_appointment(message, before));
+    }
+    return most;
+  };
+  // One that was of several patients is only of those whom it names now.
+  std::set<std::uint64_t> known;
+  for (const auto& [key, kept] : appointments_) {
+    if (sameness(kept.message) == Likeness::kSure) known.insert(kept.received.number);
+  }
+  const auto says_the_same = [&](const ProcedureMessage& message, const ProcedureMessage& before) {
+    if (message.kind == ProcedureMessage::Kind::kCancels || message.is_over) return false;
+    if (!message.patient.empty() && likeness(message, before) == Likeness::kNone) return false;
+    const bool says_when = message.planned || message.is_time_unclear || message.within;
+    if (!says_when && message.planned_places.empty()) return true;
+    return message.planned == before.planned && share_a_place(rooms_of(message), rooms_of(before));
+  };
+  const auto is_meant = [&](const Kept& kept) {
+    const Likeness same = sameness(kept.message);
+    return same == Likeness::kSure || (same == Likeness::kPerhaps && known.contains(kept.received.number));
+  };
+  for (auto& [key, kept] : appointments_) {
+    for (const ProcedureMessage& message : by) {
+      const bool may_be = is_of_appointment(message) && !is_meant(kept) &&
+                          same_appointment(message, kept.message) != Likeness::kNone;
+      if (!may_be || says_the_same(message, kept.message)) continue;
+      kept.doubt = Doubt::kOneAppointment;
+      taken.is_doubtful = true;
+    }
+  }
   std::erase_if(appointments_, [&](const auto& each) {
-    const ProcedureMessage& before = each.second.message;
-    const bool is_meant = std::ranges::any_of(by, [&](const ProcedureMessage& message) {
-      return is_of_appointment(message) && same_appointment(message, before);
-    });
-    if (!is_meant) return false;
+    const Kept& kept = each.second;
+    const ProcedureMessage& before = kept.message;
+    if (!is_meant(kept)) return false;
     for (ProcedureMessage& message : by) {
-      if (message.placer.empty()) message.placer = before.placer;
-      if (message.filler.empty()) message.filler = before.filler;
+      if (message.placer.empty() || (message.placer == before.placer && message.placer_by == Assigner())) {
+        message.placer = before.placer;
+        message.placer_by = before.placer_by;
+      }
+      if (message.filler.empty() || (message.filler == before.filler && message.filler_by == Assigner())) {
+        message.filler = before.filler;
+        message.filler_by = before.filler_by;
+      }
       if (message.kind == ProcedureMessage::Kind::kCancels) {
         // Many cancel by the number alone: what it was is not planned for that time and place any more.
-        if (message.places.empty()) message.places = before.places;
+        std::vector<std::string> rooms = rooms_of(message);
+        for (std::string& room : rooms_of(before)) {
+          if (std::ranges::find(rooms, room) == rooms.end()) rooms.push_back(std::move(room));
+        }
+        message.places = std::move(rooms);
+        message.planned_places.clear();
+        message.names_rooms = false;
         if (!message.planned) message.planned = before.planned;
         add_numbers(message.numbers, before.numbers);
       }
       keep_plan(message, before);
       const bool is_moved = message.planned && message.planned != before.planned;
-      if (!message.books && !is_moved) booked = each.second.booked;
+      if (!message.books && !is_moved) taken.booked = kept.booked;
     }
     return true;
   });
-  return booked;
+  return taken;
 }
 
 UtcTime ProcedureBook::planned_last(const Kept& kept, const ProcedureMoment& at) {
@@ -1136,7 +1316,9 @@ std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, Proced
       times.emplace_back(here.time);
     }
     all.push_back(kept.message.data);
-    all.back().chosen = "a message placed the patient in the room at " + format_utc(since);
+    all.back().chosen = way_into(rule, kept) == Way::kRecord
+                            ? "a correction of the patient's record named the room at " + format_utc(since)
+                            : "a message placed the patient in the room at " + format_utc(since);
     if (const auto chosen = nearest(times, at.utc, rule.window).index) complete(all.back(), planned[*chosen]);
   }
   for (const auto& [appointment, kept] : appointments_) {
@@ -1168,7 +1350,11 @@ std::optional<ProcedureBook::Left> ProcedureBook::left(const ProcedureRule& rule
     const Likeness alike = likeness(message, kept.message);
     if (alike == Likeness::kNone) return;
     const bool is_sure = alike == Likeness::kSure;
-    if (!is_there) note({kept.received, rule.locations.empty(), is_sure, &kept});
+    // Whoever departs from a ward (A09) has left no more than that.
+    const bool departs = kept.message.kind == ProcedureMessage::Kind::kDeparts &&
+                         !kept.message.is_of_record && !kept.gone.empty();
+    if (!is_there && (!departs || rule.locations.empty()))
+      note({kept.received, rule.locations.empty(), is_sure, &kept});
     for (const auto& [place, went] : kept.gone) {
       const bool is_gone = !went.is_cancelled && !kept.since.contains(place);
       if (is_gone && is_of_room(rule, place)) note({went.when, true, is_sure, &kept});
@@ -1280,24 +1466,78 @@ Standing ProcedureBook::standing(const ProcedureRule& rule, const ProcedureData&
   return is_cancelled ? Standing::kDoubtful : Standing::kOpen;
 }
 
+bool ProcedureBook::keeps_waiting(const ProcedureRule& rule, const Kept& kept, UtcTime planned,
+                                  const ProcedureMoment& at, const EndedSince& ended) const {
+  const Standing stands = standing(rule, kept, planned, at, ended);
+  if (stands == Standing::kDone) return false;
+  if (ended && ended(kept.message.data, planned - kFurthestAhead)) return false;
+  if (stands == Standing::kOpen) return true;
+  const std::optional<Left> gone = left(rule, kept.message);
+  const bool is_gone =
+      gone && (gone->is_from_here || gone->of->message.kind == ProcedureMessage::Kind::kLeaves);
+  return !is_gone || at.by_this_clock(gone->when.at) > at.utc;
+}
+
+bool ProcedureBook::is_against_plan(const ProcedureRule& rule, const Kept& here, const ProcedureMoment& at,
+                                    const EndedSince& ended) const {
+  std::optional<UtcTime> own, others;
+  for (const auto& [appointment, kept] : appointments_) {
+    if (!concerns(rule, kept.message) || is_over(kept, at)) continue;
+    const PlannedHere its = planned_here(rule, kept, at);
+    UtcTime time = its.time;
+    if (its.is_unclear || its.is_absent) {
+      if (nearest_unclear(rule, kept, at) != UtcTime::duration::zero()) continue;
+      time = at.utc;
+    }
+    if (!is_within(time, at.utc, rule.window) || time - at.utc > kFurthestAhead) continue;
+    const bool is_own = likeness(kept.message, here.message) == Likeness::kSure;
+    if (!is_own && !keeps_waiting(rule, kept, time, at, ended)) continue;
+    std::optional<UtcTime>& earliest = is_own ? own : others;
+    if (!earliest || time < *earliest) earliest = time;
+  }
+  return others && (!own || *others < *own);
+}
+
+bool ProcedureBook::may_be_left_behind(const ProcedureRule& rule, const Kept& here, std::uint64_t since,
+                                       const ProcedureMoment& at) const {
+  if (!is_newborn(here.message.data.birth_date, at.utc)) return false;
+  return std::ranges::any_of(passed_, [&](const auto& each) {
+    const auto& [place, passed] = each;
+    const bool is_meant = rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place);
+    return is_meant && passed.went.number > since;
+  });
+}
+
 ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const ProcedureMoment& at,
                                       const EndedSince& ended) const {
   const Kept* here = nullptr;
   UtcTime here_since;
   std::optional<std::uint64_t> here_number;
+  bool is_on_record = false;  // somebody is, which brings nobody there
   for (const auto& [patient, kept] : placed_) {
     const std::optional<Arrival> came_in = came(rule, kept);
     if (!came_in) continue;
     const UtcTime since = at.by_this_clock(came_in->at);
     if (std::chrono::abs(at.utc - since) > rule.window) continue;
+    if (way_into(rule, kept) == Way::kRecord) {
+      is_on_record = true;
+      continue;
+    }
     if (here != nullptr) return {{}, Doubt::kSeveralThere};
     here = &kept;
     here_since = since;
     here_number = came_in->number;
   }
+  if (here != nullptr && is_on_record) return {{}, Doubt::kSeveralThere};
   if (const Doubt doubt = doubt_of_passed(rule, here_number, at); doubt != Doubt::kNone) return {{}, doubt};
-  if (here != nullptr && here->doubt != Doubt::kNone) return {{}, here->doubt};
+  const bool is_here_in_doubt = here != nullptr && here->doubt != Doubt::kNone;
+  // Where every place is this room, they are nowhere else.
+  if (is_here_in_doubt && !(here->doubt == Doubt::kRecordElsewhere && rule.locations.empty()))
+    return {{}, here->doubt};
   if (is_lost(lost_placed_, rule, at)) return {{}, Doubt::kNotKept};
+  if (here != nullptr && way_into(rule, *here) == Way::kRegistered && is_against_plan(rule, *here, at, ended))
+    return {{}, Doubt::kOnlyRegistered};
+  if (here != nullptr && may_be_left_behind(rule, *here, *here_number, at)) return {{}, Doubt::kNewborn};
   std::vector<const Kept*> planned;
   std::vector<PlannedHere> in_room;
   std::vector<std::optional<UtcTime>> times;
@@ -1306,7 +1546,7 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
   PlannedHere only_unclear_here{};
   std::size_t unclear_count = 0;
   for (const auto& [appointment, kept] : appointments_) {
-    if (!concerns(rule, kept.message) || kept.message.is_over) continue;
+    if (!concerns(rule, kept.message) || is_over(kept, at)) continue;
     const bool is_in_doubt = kept.doubt != Doubt::kNone;
     if (here != nullptr && (is_in_doubt || kept.message.patient != here->message.patient)) continue;
     const PlannedHere its = planned_here(rule, kept, at);
@@ -1350,7 +1590,7 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
         unclear && (!chosen || *unclear <= std::chrono::abs(*times[*chosen] - at.utc));
     if (may_be_unclear) return {{}, Doubt::kTimeUnclear};
     if (is_lost(lost_planned_, rule, at)) return {{}, Doubt::kNotKept};
-    if (!chosen) return {};
+    if (!chosen) return {{}, is_on_record ? Doubt::kRecordAlone : Doubt::kNone};
     // Which of two patients it is nobody can tell.
     const bool is_anybodys = std::ranges::any_of(plan.equally_near, [&](std::size_t each) {
       return planned[each]->message.patient != planned[*chosen]->message.patient;
@@ -1360,6 +1600,14 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
     if (plan.is_far_ahead) return {{}, Doubt::kTooEarly};
     if (standing(rule, *planned[*chosen], *times[*chosen], at, ended) == Standing::kDoubtful)
       return {{}, Doubt::kLeftAlready};
+    // The room may be late, and whoever was to come before may be there.
+    for (std::size_t each = 0; each < times.size(); ++each) {
+      const bool is_before = times[each] && *times[each] < *times[*chosen] &&
+                             is_within(*times[each], at.utc, rule.window) &&
+                             likeness(planned[each]->message, planned[*chosen]->message) != Likeness::kSure;
+      if (is_before && keeps_waiting(rule, *planned[each], *times[each], at, ended))
+        return {{}, Doubt::kEarlierOpen};
+    }
   }
   const auto count = std::count_if(times.begin(), times.end(), [&](const auto& time) {
     return time && is_within(*time, at.utc, rule.window);

@@ -141,6 +141,12 @@ class ProcedureBook {
     bool is_event = false;      // of the patient: not by a record that names another place now
     bool is_cancelled = false;  // they never were there: they were moved by mistake
   };
+  /// What says that a patient is at a place: a record alone, which brings nobody there and takes nobody away
+  /// (A08); where their stay was registered; or that they went there.
+  enum class Way { kRecord, kRegistered, kMoved };
+  static Way way_of(const ProcedureMessage& message) {
+    return !message.moves ? Way::kRecord : message.registers ? Way::kRegistered : Way::kMoved;
+  }
   struct Kept {
     Arrival received;
     ProcedureMessage message;
@@ -158,6 +164,10 @@ class ProcedureBook {
     std::string apart = {};
     /// The last number that each sender gave to the visit for which the patient is where they are.
     std::map<std::string, std::string> visits = {};
+    /// Of `since` those where they are not by Way::kMoved; "" where no place was named.
+    std::map<std::string, Way> ways = {};
+    [[nodiscard]] Way way_to(const std::string& place) const;
+    void note_way(const std::string& place, Way way);
     void note_visit(const ProcedureMessage& message);
     [[nodiscard]] bool has_visit(const std::string& visit) const;
     /// Both are stated, and differ.
@@ -196,6 +206,27 @@ class ProcedureBook {
   void tell_apart(ProcedureMessage& message, const Arrival& received);
   /// When the patient came to the rule's room; nothing where they are not there.
   static std::optional<Arrival> came(const ProcedureRule& rule, const Kept& kept);
+  /// The surest of what says that whoever is in the rule's room is there.
+  static Way way_into(const ProcedureRule& rule, const Kept& kept);
+  /// Whether somebody else is planned there now, and whoever is there is not, or was to come later.
+  [[nodiscard]] bool is_against_plan(const ProcedureRule& rule, const Kept& here, const ProcedureMoment& at,
+                                     const EndedSince& ended) const;
+  /// Whether whoever is there is newborn, and somebody left since they came: their mother, it may be.
+  [[nodiscard]] bool may_be_left_behind(const ProcedureRule& rule, const Kept& here, std::uint64_t since,
+                                        const ProcedureMoment& at) const;
+  /// Whether what is planned for `planned` may be what goes on now: it was not recorded, nor did its patient
+  /// leave the room, or the hospital.
+  [[nodiscard]] bool keeps_waiting(const ProcedureRule& rule, const Kept& kept, UtcTime planned,
+                                   const ProcedureMoment& at, const EndedSince& ended) const;
+  /// Of a case that began at `at`: what is over since then was not over.
+  static bool is_over(const Kept& kept, const ProcedureMoment& at) {
+    return kept.message.is_over && at.by_this_clock(kept.received.at) <= at.utc;
+  }
+  /// Whether an appointment is one in the rule's room. Where it names rooms as such, PV1 says nothing of
+  /// them.
+  [[nodiscard]] bool concerns(const ProcedureRule& rule, const ProcedureMessage& message) const;
+  [[nodiscard]] bool names_rooms(const ProcedureMessage& message) const;
+  [[nodiscard]] std::vector<std::string> rooms_of(const ProcedureMessage& message) const;
   /// Of those who were at a place and are there no more, the last one to come, and the last one to go.
   struct Passed {
     Arrival came, went;
@@ -212,7 +243,9 @@ class ProcedureBook {
                                       const ProcedureMoment& at) const;
   using Messages = std::map<std::string, Kept>;
   static std::string key_of_appointment(const ProcedureMessage& message) {
-    return message.appointment + "\n" + message.patient;
+    const Assigner& by = message.filler.empty() ? message.placer_by : message.filler_by;
+    return message.appointment + "\n" + message.patient + "\n" + message.sender + "\n" + by.name + "\n" +
+           by.id;
   }
   static std::string key_of_placed(const Kept& kept) { return kept.message.patient + kept.apart; }
   static std::string key_of_ended(const ProcedureMessage& message) {
@@ -271,6 +304,9 @@ class ProcedureBook {
   /// two where both birth and name differ, but where `one` is the record that corrects `other`; without an
   /// issuer it is one of who sends it (MSH-4).
   static Likeness likeness(const ProcedureMessage& one, const ProcedureMessage& other);
+  /// Whether two messages are of one appointment. Where one number is of two patients, or nobody knows who
+  /// gave it, it may be.
+  static Likeness same_appointment(const ProcedureMessage& one, const ProcedureMessage& other);
   /// Whether the same sender told later things of the same patient, or appointment, already.
   [[nodiscard]] Likeness lateness(const ProcedureMessage& message) const;
   /// What a message that comes late says of somebody's leaving is not followed; whom it is about is in doubt.
@@ -295,13 +331,21 @@ class ProcedureBook {
   std::map<std::string, Went> drop_set_aside(const std::string& patient, const Arrival& received);
   /// Of the places that a record names those that an event took the patient from. Whether any is left.
   static bool leave_out_gone(ProcedureMessage& message, const Kept& kept);
+  /// A record takes nobody away from where an event said that they are: adds those places, which it lacks.
+  /// Whether it names none of them.
+  static bool keep_places(ProcedureMessage& message, const Kept& kept);
+  /// Whether an event came to be told after another system's that took the patient from there, though by its
+  /// own clock it was before.
+  static bool is_before_leaving(const ProcedureMessage& message, const Kept& kept);
   [[nodiscard]] bool somebody_else_came(const std::string& patient, const std::string& place,
                                         const Arrival& since) const;
   static void keep_plan(ProcedureMessage& message, const ProcedureMessage& before);
-  /// When it was booked, where the change leaves it at its time.
-  std::optional<Arrival> take_out_appointment(std::vector<ProcedureMessage>& by);
-  void keep_appointment(ProcedureMessage message, const Arrival& received,
-                        const std::optional<Arrival>& booked);
+  struct TakenOut {
+    std::optional<Arrival> booked;  // where the change leaves it at its time
+    bool is_doubtful = false;       // there is another one of the number
+  };
+  TakenOut take_out_appointment(std::vector<ProcedureMessage>& by);
+  void keep_appointment(ProcedureMessage message, const Arrival& received, const TakenOut& before);
   void keep_cancelled(ProcedureMessage message, const Arrival& received);
   void leave_unnamed(const ProcedureMessage& message);
 

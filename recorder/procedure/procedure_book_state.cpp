@@ -10,7 +10,9 @@
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::uint64_t kVersion = 7;
+constexpr std::uint64_t kVersion = 8;
+/// Which knows not who gave an appointment's number, nor what says that somebody is at a place.
+constexpr std::uint64_t kVersionOfOneNumber = 7;
 /// Which knows nothing of what was recorded.
 constexpr std::uint64_t kVersionWithoutRecorded = 6;
 /// Which knows no move that was cancelled, of each visit one number, and of all that was lost of a place when
@@ -129,8 +131,8 @@ void members(Codec& codec, Message& message) {
   // Without planned_places and what follows, which stand at the end of what is kept (later_members()).
   auto& [kind, moves, sender, told, happened, patient, replaces, numbers, replaced_numbers, appointment,
          placer, filler, is_over, places, planned, data, planned_places, is_time_unclear, within, facility,
-         visit, is_of_any_visit, cancels_move, is_of_record, books, corrects, names_resources,
-         leaves_unnamed] = message;
+         visit, is_of_any_visit, cancels_move, is_of_record, books, corrects, names_resources, leaves_unnamed,
+         registers, placer_by, filler_by, names_rooms, is_status_unclear] = message;
   if constexpr (Codec::kReads) {
     kind = static_cast<ProcedureMessage::Kind>(
         codec.number_below(static_cast<std::uint64_t>(ProcedureMessage::Kind::kNothing) + 1));
@@ -185,7 +187,7 @@ struct ProcedureBook::AsBytes {
 
   template <typename Codec, Is<Kept> One>
   static void kept(Codec& codec, One& one, std::uint64_t version) {
-    auto& [received, message, since, doubt, moved, gone, booked, apart, visits] = one;
+    auto& [received, message, since, doubt, moved, gone, booked, apart, visits, ways] = one;
     arrival(codec, received);
     members(codec, message);
     if constexpr (Codec::kReads) {
@@ -218,6 +220,28 @@ struct ProcedureBook::AsBytes {
                                      message.kind == ProcedureMessage::Kind::kCancels;
       if (!is_of_appointment) one.note_visit(message);
     }
+    if (version > kVersionOfOneNumber) newest_kept(codec, one);
+  }
+
+  template <typename Codec, Is<Kept> One>
+  static void newest_kept(Codec& codec, One& one) {
+    auto& message = one.message;
+    codec.all(message.placer_by.name, message.placer_by.id, message.filler_by.name, message.filler_by.id,
+              message.names_rooms);
+    if constexpr (Codec::kReads) {
+      for (std::size_t left = codec.length(); left > 0; --left) {
+        std::string place;
+        codec.one(place);
+        const auto way = static_cast<Way>(codec.number_below(static_cast<std::uint64_t>(Way::kMoved)));
+        if (!one.ways.emplace(std::move(place), way).second) StateReader::refuse();
+      }
+    } else {
+      codec.one(static_cast<std::uint64_t>(one.ways.size()));
+      for (const auto& [place, way] : one.ways) {
+        codec.one(place);
+        codec.one(static_cast<std::uint64_t>(way));
+      }
+    }
   }
 
   template <typename Codec, Is<Kept> One>
@@ -227,7 +251,7 @@ struct ProcedureBook::AsBytes {
     bool is_booked = one.booked.has_value();
     codec.one(is_booked);
     if constexpr (Codec::kReads) {
-      one.doubt = static_cast<Doubt>(codec.number_below(static_cast<std::uint64_t>(Doubt::kNotKept) + 1));
+      one.doubt = static_cast<Doubt>(codec.number_below(static_cast<std::uint64_t>(Doubt::kNewborn) + 1));
       if (is_booked) arrival(codec, one.booked.emplace(Arrival{0, UtcTime{}}));
       for (std::size_t left = codec.length(); left > 0; --left) {
         std::string place;

@@ -214,6 +214,22 @@ std::string_view words_of(Doubt doubt) {
     case Doubt::kNotKept:
       return "messages told more of this room than is kept, or some of it cannot be read any more, and a "
              "person must choose";
+    case Doubt::kOneAppointment:
+      return "messages use the appointment's number for somebody or something else, too, and a person must "
+             "choose";
+    case Doubt::kStatusUnclear:
+      return "the appointment's status does not say that it is booked, and a person must choose";
+    case Doubt::kEarlierOpen:
+      return "somebody who was planned before has neither been recorded nor left, and a person must choose";
+    case Doubt::kRecordElsewhere:
+      return "a correction of the patient's record names another place, and a person must choose";
+    case Doubt::kRecordAlone:
+      return "a correction of a record alone says who is in the room, and a person must choose";
+    case Doubt::kOnlyRegistered:
+      return "whoever is in the room was only registered there, somebody else is planned, and a person must "
+             "choose";
+    case Doubt::kNewborn:
+      return "whoever is in the room is newborn, somebody left it since they came, and a person must choose";
   }
   return "";
 }

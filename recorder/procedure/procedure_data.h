@@ -90,9 +90,10 @@ struct TimeSpan {
 /// How near to `at` a time may lie of which no more is known than `within`; absent: nothing is.
 UtcTime::duration least_distance(const std::optional<TimeSpan>& within, UtcTime at);
 
-/// What is known of whoever something is planned for: nothing against it; a person must say whether it is
-/// still to come; or it is over, or they have left since.
-enum class Standing { kOpen, kDoubtful, kDone };
+/// What is known of whoever something is planned for: nothing against it; nothing, but a case about them has
+/// ended since, so that it keeps nobody waiting; a person must say whether it is still to come; or it is
+/// over, or they have left since.
+enum class Standing { kOpen, kRecorded, kDoubtful, kDone };
 /// Of a procedure, and of when it is planned. Null: each is open.
 using StandingOf = std::function<Standing(const ProcedureData& data, std::optional<UtcTime> planned)>;
 
@@ -113,6 +114,13 @@ enum class Doubt {
   kOneNumber,        // messages give the patient's number to somebody else, too
   kNobodyNamed,      // somebody left the room whom the message does not name
   kNotKept,          // more was told of this room than is kept, or it cannot be read any more
+  kOneAppointment,   // messages use the number of what is planned nearest for somebody or something else, too
+  kStatusUnclear,    // nobody can tell whether what is planned nearest is booked
+  kEarlierOpen,      // what was planned before has neither been recorded, nor has its patient left
+  kRecordElsewhere,  // a record says that whoever is in the room is elsewhere, and no event does
+  kRecordAlone,      // a record says that somebody is in the room, and no event does
+  kOnlyRegistered,   // whoever is there was registered there alone, and somebody else is planned
+  kNewborn,          // whoever is there is newborn, and somebody left the room since they came
 };
 /// Half a sentence without anything of a patient; "" of kNone.
 std::string_view words_of(Doubt doubt);

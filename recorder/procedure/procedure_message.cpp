@@ -28,6 +28,9 @@ constexpr std::array<std::string_view, 6> kLeaving{"A03", "A11", "A21", "A23", "
 constexpr std::array<std::string_view, 2> kDeparting{"A09", "A32"};
 constexpr std::array<std::string_view, 12> kMoving{"A01", "A02", "A04", "A06", "A07", "A10",
                                                    "A12", "A13", "A17", "A22", "A33", "A52"};
+/// They say where a stay is registered, as a clerk enters it, hours ahead or days later too: not where
+/// somebody went, as A02 and A10 do.
+constexpr std::array<std::string_view, 7> kRegistering{"A01", "A04", "A06", "A07", "A13", "A22", "A52"};
 /// Whoever they move is there, whatever the number of the visit: A06 and A07 change it.
 constexpr std::array<std::string_view, 3> kOfAnyVisit{"A06", "A07", "A10"};
 /// Of these MRG-1 is what the patient was called before; of others it is the number of an account or a visit.
@@ -51,20 +54,48 @@ bool status_says(const Hl7Field& status, const Says& says) {
       kTexts, [&](std::size_t each) { return says(lower_case(status.component(each).text())); });
 }
 
+bool is_any_of(const std::string& word, std::span<const std::string_view> words) {
+  return std::ranges::find(words, word) != words.end();
+}
+bool begins_with_any_of(const std::string& word, std::span<const std::string_view> beginnings) {
+  return std::ranges::any_of(beginnings, [&](std::string_view each) { return word.starts_with(each); });
+}
+
 /// Whether the system that keeps the appointment calls it off (SCH-25, table 0278): many send S14 with that.
 bool is_called_off(const Hl7Field& status) {
   return status_says(status, [](const std::string& word) {
-    constexpr std::array<std::string_view, 8> kWords{"can",    "canc",    "dc",      "deleted",
-                                                     "noshow", "no show", "no-show", "discontinued"};
-    return word.starts_with("cancel") || std::ranges::find(kWords, word) != kWords.end();
+    constexpr std::array<std::string_view, 10> kWords{
+        "can", "canc", "dc", "deleted", "noshow", "no show", "no-show", "discontinued", "gelöscht", "中止"};
+    constexpr std::array<std::string_view, 6> kBeginnings{"cancel", "storn",      "abgesagt",
+                                                          "annul",  "キャンセル", "取消"};
+    return is_any_of(word, kWords) || begins_with_any_of(word, kBeginnings);
   });
 }
 
 /// Whether it was kept, and is done with.
 bool is_finished(const Hl7Field& status) {
   return status_says(status, [](const std::string& word) {
-    return word.starts_with("complete") || word == "finished" || word == "done";
+    constexpr std::array<std::string_view, 7> kWords{"finished", "done", "erledigt", "abgeschlossen",
+                                                     "完了",     "終了", "実施済"};
+    return word.starts_with("complete") || is_any_of(word, kWords);
   });
+}
+
+/// Whether it is to be kept: it says so, or says nothing. Of a waiting list, of a word or a code of the
+/// hospital's own, nobody can tell.
+bool is_booked(const Hl7Field& status) {
+  bool says_nothing = true;
+  const bool says_so = status_says(status, [&](const std::string& word) {
+    constexpr std::array<std::string_view, 8> kWords{"pending", "active",   "admitted",    "ready",
+                                                     "new",     "modified", "rescheduled", "確定"};
+    constexpr std::array<std::string_view, 17> kBeginnings{
+        "booked",  "confirmed", "scheduled",  "planned",     "started",    "overbook",
+        "arrived", "checked",   "check-in",   "in progress", "inprogress", "gebucht",
+        "geplant", "bestätigt", "terminiert", "予約",        "受付"};
+    says_nothing = says_nothing && (word.empty() || word == "\"\"");
+    return is_any_of(word, kWords) || begins_with_any_of(word, kBeginnings);
+  });
+  return says_so || says_nothing;
 }
 
 /// What a time may be: "no end" is the last second before it.
@@ -161,6 +192,7 @@ class Reader {
     } else if (!out_.patient.empty()) {
       out_.moves = is_one_of(event, kMoving);
       out_.is_of_record = event == "A08";
+      out_.registers = is_one_of(event, kRegistering);
       out_.corrects = event == "A08" || event == "A31";
       out_.cancels_move = event == "A12";
       out_.is_of_any_visit = is_one_of(event, kOfAnyVisit);
@@ -461,11 +493,35 @@ class Reader {
     data.sex = pid.field(8).component(1).text();
   }
 
+  /// Of PV1. Whoever is at a temporary location (PV1-11: the operating room of an in-patient) keeps the
+  /// assigned one (PV1-3), and is not there.
+  void read_places(const Hl7Segment& visit) {
+    const bool departs = is_one_of(event_, kDeparting), leaves = is_one_of(event_, kLeaving);
+    const auto has_named = [&](std::size_t field) {
+      const std::size_t before = out_.places.size();
+      add_place(visit.field(field), kPlaceComponents);
+      return out_.places.size() > before;
+    };
+    const bool is_elsewhere = has_named(11);
+    const bool was_elsewhere = departs && has_named(43);  // the prior temporary one
+    // Whoever departs is in none of them: some systems name the place that is left by PV1-11, others the one
+    // where the patient goes. By PV1-43 alone they go back to where they are assigned.
+    if (departs ? is_elsewhere || !was_elsewhere : leaves || !is_elsewhere)
+      add_place(visit.field(3), kPlaceComponents);
+    if (departs && !is_elsewhere && !was_elsewhere) add_place(visit.field(6), kPlaceComponents);
+  }
+
+  /// The namespace of an entity identifier (EI.2, EI.3): who gave the number.
+  [[nodiscard]] Assigner assigner_of(const Hl7Field& identifier) const {
+    return {first_subcomponent(identifier.component(2)), first_subcomponent(identifier.component(3))};
+  }
+
   void read(const Hl7Segment& segment) {
     const std::string_view name = segment.name();
     // A change of an appointment names what is taken out of it, too (segment action code, table 0206).
     const bool is_taken_out = is_of_resources(name) && segment.field(2).text() == "D";
     if (is_of_resources(name)) out_.names_resources = true;
+    if (name == "AIL" && !segment.field(3).empty()) out_.names_rooms = true;
     if (name == "RGS") {
       group_taken_out_ = is_taken_out;
       ++group_;
@@ -483,15 +539,7 @@ class Reader {
       take_numbers(out_.replaced_numbers, segment.field(1), false, message_.separators());
       take_numbers(out_.replaced_numbers, segment.field(4), false, message_.separators());
     } else if (name == "PV1") {
-      add_place(segment.field(11),
-                kPlaceComponents);  // temporary location first: the operating room of an in-patient
-      const bool departs = is_one_of(event_, kDeparting);
-      if (departs) add_place(segment.field(43), kPlaceComponents);  // the prior temporary one
-      // Whoever departs from the operating room keeps their bed: it is not what they depart from then.
-      if (!departs || out_.places.empty()) {
-        add_place(segment.field(3), kPlaceComponents);
-        if (departs) add_place(segment.field(6), kPlaceComponents);
-      }
+      read_places(segment);
       add_staff("attending", segment.field(7));
       out_.data.visit = out_.visit = segment.field(19).component(1).text();
       discharged_ = stated(segment.field(45));
@@ -502,10 +550,13 @@ class Reader {
     } else if (name == "SCH") {
       out_.placer = segment.field(1).component(1).text();
       out_.filler = segment.field(2).component(1).text();
+      out_.placer_by = assigner_of(segment.field(1));
+      out_.filler_by = assigner_of(segment.field(2));
       out_.appointment = out_.filler.empty() ? out_.placer : out_.filler;
       plan(segment.field(11).component(4));
       called_off_ = is_called_off(segment.field(25));
       out_.is_over = is_finished(segment.field(25));
+      out_.is_status_unclear = !called_off_ && !out_.is_over && !is_booked(segment.field(25));
     } else if (name == "TQ1") {
       plan(segment.field(7));
     } else if (name == "AIS") {
@@ -551,11 +602,24 @@ bool has_its_numbers(const ProcedureMessage& message) {
   return has(message.numbers, message.patient) && has(message.replaced_numbers, message.replaces);
 }
 
-bool same_appointment(const ProcedureMessage& a, const ProcedureMessage& b) {
+std::optional<bool> same_number_of_appointment(const ProcedureMessage& a, const ProcedureMessage& b) {
+  // Nothing where it is not known: each system counts its own.
+  const auto by_one = [&](const Assigner& one, const Assigner& other) -> std::optional<bool> {
+    if (!one.id.empty() && !other.id.empty()) return one.id == other.id;
+    if (!one.name.empty() && !other.name.empty()) return same_but_for_case(one.name, other.name);
+    return a.sender == b.sender ? std::optional(true) : std::nullopt;
+  };
   // A filler's number is of one appointment; a placer's may be of a series.
-  if (!a.filler.empty() && !b.filler.empty()) return a.filler == b.filler;
-  if (!a.placer.empty() && !b.placer.empty()) return a.placer == b.placer;
-  return a.appointment == b.appointment;
+  if (!a.filler.empty() && !b.filler.empty()) {
+    if (a.filler != b.filler) return false;
+    return by_one(a.filler_by, b.filler_by);
+  }
+  if (!a.placer.empty() && !b.placer.empty()) {
+    if (a.placer != b.placer) return false;
+    return by_one(a.placer_by, b.placer_by);
+  }
+  if (a.appointment != b.appointment) return false;
+  return by_one(a.filler.empty() ? a.placer_by : a.filler_by, b.filler.empty() ? b.placer_by : b.filler_by);
 }
 
 std::vector<ProcedureMessage> read_procedure_messages(const Hl7Message& message,

@@ -24,6 +24,12 @@ struct PlannedPlace {
   std::optional<TimeSpan> within = {};           // all that is stated of an unclear time
 };
 
+/// Who gave a number (EI.2, EI.3); empty: it does not say.
+struct Assigner {
+  std::string name, id;
+  bool operator==(const Assigner&) const = default;
+};
+
 struct ProcedureMessage {
   enum class Kind {
     kPlaces,  // the patient is here now: ADT^A01, A02, A04, A06, A07, A10, A12, A13, A17, A22, A33, A52; or
@@ -52,8 +58,8 @@ struct ProcedureMessage {
   std::string appointment;     // SCH-2, else SCH-1, else patient and time; "" of ADT
   std::string placer, filler;  // SCH-1, SCH-2
   bool is_over = false;        // the appointment was kept, and is done with: SCH-25
-  /// Every way to write where it is done: point of care, room, bed of PV1-3, PV1-11 and AIL-3, and those
-  /// joined by '^'; resource and its name of AIG-3.
+  /// Every way to write where it is done: point of care, room, bed of PV1-11, else PV1-3, and of AIL-3, and
+  /// those joined by '^'; resource and its name of AIG-3. Of who departs, all that they may have left.
   std::vector<std::string> places;
   std::optional<UtcTime> planned;  // when the appointment begins
   ProcedureData data;
@@ -71,6 +77,11 @@ struct ProcedureMessage {
   bool corrects = false;         // what is known of the patient: ADT^A08, A31
   bool names_resources = false;  // of SIU: rooms, services or persons, or what is taken out of them
   bool leaves_unnamed = false;   // of kNothing: somebody left or departed whom it does not name
+  bool registers = false;        // of `moves`: where a stay is registered, and not that somebody went there:
+                           // ADT^A01, A04, A06, A07, A13, A22, A52
+  Assigner placer_by = {}, filler_by = {};  // of the numbers of the appointment
+  bool names_rooms = false;  // of SIU: rooms (AIL), or what is taken out of them: PV1 says nothing of them
+  bool is_status_unclear = false;  // of SIU: SCH-25 says neither that it is booked nor that it is not
 };
 
 /// "ADT^A01", "SIU^S12".
@@ -85,8 +96,10 @@ inline constexpr std::size_t kMostPlaces = 256;
 /// Whether the numbers by which it names the patient, and names them before, are among those that are kept:
 /// not where one is too long.
 bool has_its_numbers(const ProcedureMessage& message);
-/// Whether both are of one appointment. Its systems name it by either number, or by both.
-bool same_appointment(const ProcedureMessage& a, const ProcedureMessage& b);
+/// Whether both name an appointment by one number, of one who gives them: by its namespace, or where one of
+/// them states none, its sender. Systems name it by either number, or by both. Nothing where the numbers
+/// agree and it is not known who gave them.
+std::optional<bool> same_number_of_appointment(const ProcedureMessage& a, const ProcedureMessage& b);
 
 /// What the message says of each patient that it names, in its order; one that names nobody is one, too.
 /// `message` must be of such a type; times without zone count as MSH-7 states, else by `assumed_zone`.

@@ -76,12 +76,18 @@ class RoomProcedure : public ProcedureSource {
     };
     ProcedureChoice told = inbox_ ? inbox_->choose(rule_, at, ended) : ProcedureChoice();
     // What is planned for later says nothing of now.
-    const bool is_open = told.doubt == Doubt::kNone || told.doubt == Doubt::kTooEarly;
+    const bool is_open =
+        told.doubt == Doubt::kNone || told.doubt == Doubt::kTooEarly || told.doubt == Doubt::kRecordAlone;
     if (!worklist_ || !is_open) return told;
     const StandingOf standing = [&](const ProcedureData& data, std::optional<UtcTime> planned) {
       // Of whom messages plan, they say when.
       if (!planned && told.data && may_be_planned_for_both(*told.data, data)) return Standing::kDone;
-      return inbox_ ? inbox_->standing(rule_, data, planned, at, ended) : Standing::kOpen;
+      const Standing stands = inbox_ ? inbox_->standing(rule_, data, planned, at, ended) : Standing::kOpen;
+      if (stands != Standing::kOpen || !planned) return stands;
+      // Nobody keeps whoever is in the room waiting.
+      const bool is_somebody_there = told.data && !told.is_by_plan;
+      return is_somebody_there || has_ended(data, *planned - kFurthestAhead, at) ? Standing::kRecorded
+                                                                                 : Standing::kOpen;
     };
     std::optional<ProcedureData> listed = worklist_->find(at, standing);
     if (!told.data) {
@@ -92,7 +98,7 @@ class RoomProcedure : public ProcedureSource {
     if (!listed) {
       // It may be another patient's whose time is not known, or who is not known to be there still.
       const Doubt doubt = told.is_by_plan ? worklist_->doubt(at, standing) : Doubt::kNone;
-      const bool is_in_doubt = doubt == Doubt::kTimeUnclear;
+      const bool is_in_doubt = doubt == Doubt::kTimeUnclear || doubt == Doubt::kEarlierOpen;
       return is_in_doubt ? ProcedureChoice{{}, doubt} : told;
     }
     if (told.is_by_plan && !may_be_planned_for_both(*told.data, *listed)) return {{}, Doubt::kTwoWays};

@@ -64,6 +64,18 @@ bool is_unclear(const WorklistAnswer& answer, const NearestPlan& plan, UtcTime a
   });
 }
 
+/// Whether a step of another patient, planned before, was not recorded: the room may be late, and they may be
+/// there. Whoever does not know what was recorded asks no one.
+bool is_another_open(const WorklistAnswer& answer, const WorklistItem& chosen, UtcTime at,
+                     std::chrono::nanoseconds window, const StandingOf& standing) {
+  return standing && std::ranges::any_of(answer.items, [&](const WorklistItem& item) {
+           const bool is_before =
+               item.planned && *item.planned < *chosen.planned && is_within(*item.planned, at, window);
+           return is_before && (item.is_left_out || !may_be_same_patient(item.data, chosen.data)) &&
+                  standing_of(item, standing) == Standing::kOpen;
+         });
+}
+
 struct StepChoice {
   std::optional<std::size_t> index;
   Doubt doubt = Doubt::kNone;
@@ -79,6 +91,8 @@ StepChoice choose_step(const WorklistAnswer& answer, UtcTime at, std::chrono::na
   if (plan.is_far_ahead) return {{}, Doubt::kTooEarly};
   if (standing_of(answer.items[*plan.index], standing) == Standing::kDoubtful)
     return {{}, Doubt::kLeftAlready};
+  if (is_another_open(answer, answer.items[*plan.index], at, window, standing))
+    return {{}, Doubt::kEarlierOpen};
   return {plan.index};
 }
 

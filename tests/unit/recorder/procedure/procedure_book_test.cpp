@@ -38,6 +38,11 @@ std::string found(const ProcedureBook& book, UtcTime at, const std::vector<std::
   return data ? data->patient_id + " " + data->description : "nobody";
 }
 
+/// Whether a case about that patient has ended.
+EndedSince recorded(const std::string& patient) {
+  return [patient](const ProcedureData& data, UtcTime) { return data.patient_id == patient; };
+}
+
 /// As somebody else's record would be changed while another patient is in the room.
 ProcedureMessage facts(const std::string& patient, Kind kind = Kind::kFacts) {
   ProcedureMessage message = placed(patient, {});
@@ -60,6 +65,11 @@ ProcedureMessage moved(const std::string& patient, const std::string& place) {
   message.moves = true;
   return message;
 }
+ProcedureMessage arrived(const std::string& patient, const std::vector<std::string>& places) {
+  ProcedureMessage message = placed(patient, places);
+  message.moves = true;
+  return message;
+}
 ProcedureMessage leaving(const std::string& patient) {
   ProcedureMessage message = placed(patient, {});
   message.kind = Kind::kLeaves;
@@ -76,10 +86,10 @@ std::vector<std::string> listed(const ProcedureBook& book, UtcTime at) {
 TEST(ProcedureBook, ThePatientWhoIsAloneInTheRoomIsTaken) {
   ProcedureBook book;
   EXPECT_EQ(found(book, kMorning), "nobody");
-  book.take(placed("1", {"OR1"}), kMorning);
+  book.take(moved("1", "OR1"), kMorning);
   EXPECT_EQ(found(book, kMorning + 30min), "1 ");
-  book.take(placed("2", {"SURGERY", "or1", "SURGERY^or1"}), kMorning + 1h);
-  book.take(placed("3", {"OR2"}), kMorning + 2h);
+  book.take(arrived("2", {"SURGERY", "or1", "SURGERY^or1"}), kMorning + 1h);
+  book.take(moved("3", "OR2"), kMorning + 2h);
   EXPECT_EQ(found(book, kMorning + 3h), "nobody") << "nobody said that the first one has left";
   EXPECT_EQ(doubt(book, kMorning + 3h), Doubt::kSeveralThere);
   EXPECT_EQ(found(book, kMorning + 3h, {"OR2"}), "3 ");
@@ -94,7 +104,7 @@ TEST(ProcedureBook, ThePatientWhoIsAloneInTheRoomIsTaken) {
 TEST(ProcedureBook, WhoeverWasThereBeforeIsGoneOnceAMessageSaysSo) {
   ProcedureMessage departs = placed("1", {"OR1"});
   departs.kind = Kind::kDeparts;
-  for (const ProcedureMessage& message : {moved("1", "PACU"), placed("1", {"PACU"}), leaving("1"), departs}) {
+  for (const ProcedureMessage& message : {moved("1", "PACU"), leaving("1"), departs}) {
     ProcedureBook book;
     book.take(moved("1", "OR1"), kMorning);
     book.take(moved("2", "OR1"), kMorning + 2h);
@@ -170,7 +180,7 @@ TEST(ProcedureBook, BytesHoldAllOfIt) {
   EXPECT_EQ(other.exported(), book.exported());
   // Who only has other facts stated comes before whoever came since.
   for (ProcedureBook* each : {&book, &other}) {
-    each->take(placed("3", {"OR1"}), {kMorning + 3min, 5h + 3min});
+    each->take(moved("3", "OR1"), {kMorning + 3min, 5h + 3min});
     each->take(placed("1", {"OR1"}), {kMorning + 4min, 5h + 4min});
     EXPECT_EQ(each->choose(rule, {kMorning + 1h, 6h}).doubt, Doubt::kSeveralThere);
     each->take(leaving("3"), {kMorning + 5min, 5h + 5min});
@@ -203,12 +213,12 @@ TEST(ProcedureBook, AnAppointmentInSeveralPlacesGoesByTheTimeOfThisOne) {
   book.take(planned("berta", "hernia", kMorning + 10min), kMorning - 1h);
   EXPECT_EQ(found(book, kMorning), "berta hernia");
   EXPECT_EQ(found(book, kMorning, {"OR2"}), "anna biopsy");
-  EXPECT_EQ(found(book, kMorning + 4h), "anna resection");
-  EXPECT_EQ(book.find({{"OR1"}, 12h}, kMorning + 4h)->location, "or1");
+  EXPECT_EQ(found(book, kMorning + 4h, {"OR1"}, 12h, recorded("berta")), "anna resection");
+  EXPECT_EQ(book.choose({{"OR1"}, 12h}, kMorning + 4h, recorded("berta")).data->location, "or1");
   EXPECT_EQ(found(ProcedureBook::imported(book.exported()), kMorning), "berta hernia") << "after an upgrade";
   EXPECT_EQ(ProcedureBook::imported(book.exported()).exported(), book.exported());
   // Whoever is in the room has the operation of this room.
-  book.take(placed("anna", {"OR1"}), kMorning + 3h);
+  book.take(moved("anna", "OR1"), kMorning + 3h);
   EXPECT_EQ(found(book, kMorning + 4h), "anna resection");
   EXPECT_THAT(listed(book, kMorning + 4h), testing::UnorderedElementsAre("anna resection", "berta hernia"));
 }
@@ -224,7 +234,7 @@ TEST(ProcedureBook, ATimeOfThisRoomThatCannotBeReadLeavesItToAPerson) {
   EXPECT_EQ(doubt(book, kMorning + 10min), Doubt::kTimeUnclear);
   EXPECT_NE(words_of(Doubt::kTimeUnclear), "");
   EXPECT_EQ(doubt(book, kMorning + 10min, {"OR2"}), Doubt::kNone);
-  book.take(placed("berta", {"OR1"}), kMorning);
+  book.take(moved("berta", "OR1"), kMorning);
   EXPECT_EQ(found(book, kMorning + 10min), "berta b") << "who is there is known";
 }
 
@@ -235,7 +245,7 @@ TEST(ProcedureBook, KnowsWhenARoomChangedLast) {
   };
   ProcedureBook book;
   EXPECT_EQ(changed(book), "never");
-  book.take(placed("1", {"SURGERY", "OR1", "SURGERY^OR1"}), kMorning);
+  book.take(arrived("1", {"SURGERY", "OR1", "SURGERY^OR1"}), kMorning);
   EXPECT_EQ(changed(book), "07:00");
   EXPECT_EQ(changed(book, {"OR2"}), "never");
   EXPECT_EQ(changed(book, {}), "07:00") << "every message is about the room";
@@ -281,7 +291,7 @@ TEST(ProcedureBook, ALeavingThatIsToldLateCountsFromWhenItHappened) {
 // of a room; the one before ended with the senders' clocks, and knew no doubt.
 TEST(ProcedureBook, BytesOfTheVersionsBeforeAreRead) {
   ProcedureBook book;
-  book.take(placed("1", {"OR1"}), kMorning);
+  book.take(moved("1", "OR1"), kMorning);
   Bytes bytes = book.exported();
   constexpr std::size_t kCount = 8;  // bytes
   // Nothing was recorded.
@@ -290,9 +300,11 @@ TEST(ProcedureBook, BytesOfTheVersionsBeforeAreRead) {
   EXPECT_EQ(found(ProcedureBook::imported(bytes), kMorning), "1 ");
   // Nothing was lost, of two kinds; and of each patient stand there: three flags, two times, three texts,
   // a doubt, and empty lists of places and of visits.
-  bytes.resize(bytes.size() - 2 * kCount);
-  constexpr std::size_t kChanges = kCount + 2 * (kCount + 16) + 3,
-                        kLater = 3 + 2 * 17 + 3 * kCount + 2 * kCount + kCount;
+  // Of the newest version nothing was recorded, and of each patient stand there: four texts of who gave a
+  // number, a flag, and an empty list of places.
+  bytes.resize(bytes.size() - 3 * kCount);
+  constexpr std::size_t kChanges = kCount + 2 * (kCount + 16) + 3, kNewest = 4 * kCount + 1 + kCount,
+                        kLater = 3 + 2 * 17 + 3 * kCount + 2 * kCount + kCount + kNewest;
   bytes.erase(bytes.end() - kChanges - 5 * kCount - kLater, bytes.end() - kChanges - 5 * kCount);
   bytes.at(0) = std::byte{4};
   EXPECT_EQ(found(ProcedureBook::imported(bytes), kMorning), "1 ");
@@ -315,7 +327,7 @@ TEST(ProcedureBook, BytesOfTheVersionsBeforeAreRead) {
 
 TEST(ProcedureBook, NothingIsTakenOfBytesThatAreNoBook) {
   ProcedureBook book;
-  book.take(placed("1", {"OR1"}), kMorning);
+  book.take(moved("1", "OR1"), kMorning);
   book.take(planned("1", "lobectomy", kMorning + 2h), kMorning);
   const Bytes whole = book.exported();
   for (std::size_t size = 0; size < whole.size(); ++size)
@@ -345,7 +357,7 @@ TEST(ProcedureBook, NothingIsTakenOfBytesThatAreNoBook) {
 TEST(ProcedureBook, AClockThatIsSetBackLeavesTheLastPatientTheLast) {
   for (const std::chrono::hours wrong : {9h, 30h, -400 * 24h}) {
     ProcedureBook book;
-    book.take(placed("1", {"OR1"}), {kMorning + wrong, 100h});
+    book.take(moved("1", "OR1"), {kMorning + wrong, 100h});
     book.take(planned("2", "second", {}), {kMorning + wrong, 100h});
     const ProcedureMessage corrected = placed("1", {"OR1"});
     const auto found_at = [&](std::chrono::hours after) {
@@ -358,7 +370,7 @@ TEST(ProcedureBook, AClockThatIsSetBackLeavesTheLastPatientTheLast) {
     EXPECT_THAT(found_at(1h), testing::StartsWith("1 "))
         << "who came before the clock was set is there still";
     EXPECT_THAT(found_at(1h), HasSubstr(format_utc(kMorning))) << "and came when it shows now";
-    book.take(placed("2", {"OR1"}), {kMorning + 1h, 101h});
+    book.take(moved("2", "OR1"), {kMorning + 1h, 101h});
     EXPECT_EQ(doubt_at(2h), Doubt::kSeveralThere) << wrong.count();
     book.take(corrected, {kMorning + 2h, 102h});
     EXPECT_THAT(book.list({{"OR1"}, 12h}, {kMorning + 3h, 103h}), testing::SizeIs(2));
@@ -378,9 +390,9 @@ TEST(ProcedureBook, AClockThatIsSetBackLeavesTheLastPatientTheLast) {
 
 TEST(ProcedureBook, WhoMovesOnOrLeavesIsNotInTheRoomAnyMore) {
   ProcedureBook book;
-  book.take(placed("1", {"OR1"}), kMorning);
-  book.take(placed("2", {"OR1"}), kMorning + 1min);
-  book.take(placed("2", {"ICU"}), kMorning + 2min);
+  book.take(moved("1", "OR1"), kMorning);
+  book.take(moved("2", "OR1"), kMorning + 1min);
+  book.take(moved("2", "ICU"), kMorning + 2min);
   EXPECT_THAT(listed(book, kMorning + 3min), testing::ElementsAre("1 "));
   EXPECT_EQ(doubt(book, kMorning + 3min), Doubt::kMayBeGone);
   ProcedureMessage gone = placed("1", {});
@@ -392,7 +404,7 @@ TEST(ProcedureBook, WhoMovesOnOrLeavesIsNotInTheRoomAnyMore) {
 
 TEST(ProcedureBook, OtherFactsOfAPatientDoNotMoveThem) {
   ProcedureBook book;
-  book.take(placed("1", {"OR1"}), kMorning);
+  book.take(moved("1", "OR1"), kMorning);
   ProcedureMessage update = placed("1", {});
   update.data.sex = "F";
   book.take(update, kMorning + 1h);
@@ -420,8 +432,8 @@ TEST(ProcedureBook, NobodyComesIntoARoomByWhatIsSaidOfTheirRecord) {
 
 TEST(ProcedureBook, WhoeverIsThereAlreadyIsNotPlacedAnewByTheSamePlace) {
   ProcedureBook book;
-  book.take(placed("1", {"OR1"}), kMorning);
-  book.take(placed("2", {"OR1"}), kMorning + 1h);
+  book.take(moved("1", "OR1"), kMorning);
+  book.take(moved("2", "OR1"), kMorning + 1h);
   ProcedureMessage corrected = placed("1", {"OR1"});
   corrected.data.sex = "F";
   book.take(corrected, kMorning + 2h);
@@ -442,10 +454,10 @@ TEST(ProcedureBook, WhoeverIsThereAlreadyIsNotPlacedAnewByTheSamePlace) {
 // Many systems send nothing but A08.
 TEST(ProcedureBook, APatientWhoComesAgainIsThereAgainUnlessSomebodyElseCame) {
   ProcedureBook book;
-  book.take(placed("1", {"OR1"}), kMorning);
+  book.take(moved("1", "OR1"), kMorning);
   book.take(placed("1", {"OR1"}), kMorning + 26h);
   EXPECT_EQ(found(book, kMorning + 27h), "1 ");
-  book.take(placed("2", {"OR1"}), kMorning + 28h);
+  book.take(moved("2", "OR1"), kMorning + 28h);
   book.take(placed("1", {"WARD-7", "OR1"}), kMorning + 29h);
   EXPECT_EQ(doubt(book, kMorning + 30h), Doubt::kSeveralThere);
   book.take(leaving("2"), kMorning + 30h);
@@ -455,7 +467,7 @@ TEST(ProcedureBook, APatientWhoComesAgainIsThereAgainUnlessSomebodyElseCame) {
 
 TEST(ProcedureBook, APatientWhoseNumberIsMergedIsOnePatient) {
   ProcedureBook book;
-  book.take(placed("old", {"OR1"}), kMorning);
+  book.take(moved("old", "OR1"), kMorning);
   book.take(planned("old", "first", kMorning + 1h), kMorning);
   ProcedureMessage merged = facts("new");
   merged.replaces = "old";
@@ -494,7 +506,7 @@ TEST(ProcedureBook, ListsAllThatCouldBeMeant) {
   book.take(planned("2", "second", kMorning + 3h), kMorning - 10h);
   book.take(planned("3", "elsewhere", kMorning + 1h, "OR2"), kMorning - 10h);
   book.take(planned("4", "next week", kMorning + 170h), kMorning - 10h);
-  book.take(placed("1", {"OR1"}), kMorning);
+  book.take(moved("1", "OR1"), kMorning);
   EXPECT_THAT(listed(book, kMorning + 1h), testing::UnorderedElementsAre("1 first", "2 second"))
       << "whoever is in the room stands there once, with the nearest of their appointments";
 }
@@ -534,7 +546,7 @@ TEST(ProcedureBook, TheNearestAppointmentIsTakenAndSaysOfHowMany) {
   book.take(planned("2", "second", kMorning + 3h), kMorning - 10h);
   book.take(planned("3", "elsewhere", kMorning + 1h, "OR2"), kMorning - 10h);
   EXPECT_EQ(found(book, kMorning + 1h), "1 first");
-  EXPECT_EQ(found(book, kMorning + 2h), "2 second");
+  EXPECT_EQ(found(book, kMorning + 2h, {"OR1"}, 12h, recorded("1")), "2 second");
   EXPECT_EQ(found(book, kMorning + 16h), "nobody");
   EXPECT_THAT(book.find({{"OR1"}, 12h}, kMorning)->chosen, HasSubstr("of 2 within 720 minutes"));
   // Moved, then cancelled.
@@ -557,7 +569,7 @@ TEST(ProcedureBook, WhatIsPlannedMoreThanAnHourAheadIsNotTakenByItself) {
   EXPECT_EQ(book.list(rule, kMorning).size(), 2U) << "a person chooses";
   EXPECT_EQ(found(book, kMorning + 5h), "2 afternoon");
   EXPECT_EQ(doubt(book, kMorning + 5h), Doubt::kNone);
-  book.take(placed("2", {"OR1"}), kMorning);
+  book.take(moved("2", "OR1"), kMorning);
   EXPECT_EQ(found(book, kMorning), "2 afternoon") << "who is there is there";
   EXPECT_EQ(doubt(book, kMorning), Doubt::kNone);
 }
@@ -686,7 +698,7 @@ TEST(ProcedureBook, ACancellingThatComesLateLeavesItInDoubt) {
     EXPECT_EQ(doubt(book, kMorning), Doubt::kToldLate);
     EXPECT_EQ(book.ended_late(), 1U);
     EXPECT_THAT(listed(book, kMorning), testing::ElementsAre("1 A"));
-    book.take(placed("1", {"OR1"}), kMorning);
+    book.take(moved("1", "OR1"), kMorning);
     EXPECT_EQ(found(book, kMorning), "1 ") << "who is there is there, and their procedure is not known";
     book.take(told_by("PLAN", kMorning + 20min, planned("1", "A", kMorning)), kMorning);
     EXPECT_EQ(found(book, kMorning), "1 A") << "booked anew";
@@ -759,7 +771,7 @@ TEST(ProcedureBook, WhoDepartsFromTheRoomIsNotInItAnyMore) {
   };
   const auto after = [](const ProcedureMessage& message) {
     ProcedureBook book;
-    book.take(placed("1", {"SURGERY", "OR1", "SURGERY^OR1", "WARD"}), kMorning);
+    book.take(arrived("1", {"SURGERY", "OR1", "SURGERY^OR1", "WARD"}), kMorning);
     book.take(message, kMorning);
     return found(book, kMorning + 1h);
   };
@@ -784,7 +796,7 @@ TEST(ProcedureBook, WhoLeavesByAnotherFormOfTheNumberIsGone) {
   const PatientNumber known{"0077", "H", "", "MR"};
   const auto after = [&](const ProcedureMessage& message) {
     ProcedureBook book;
-    book.take(with_numbers(placed("", {"OR1"}), {known}), kMorning);
+    book.take(with_numbers(moved("", "OR1"), {known}), kMorning);
     book.take(message, kMorning + 1min);
     return found(book, kMorning + 1h) + (book.strangers_left() == 0 ? "" : ", told");
   };
@@ -805,8 +817,8 @@ TEST(ProcedureBook, WhoLeavesByAnotherFormOfTheNumberIsGone) {
 
 TEST(ProcedureBook, OfTwoWhoMayBeMeantNeitherLeavesByHalfANumber) {
   ProcedureBook book;
-  book.take(with_numbers(placed("", {"OR1"}), {{"77", "H", "", ""}}, ""), kMorning);
-  book.take(with_numbers(placed("", {"OR2"}), {{"77", "CLINIC", "", ""}}, "1980"), kMorning);
+  book.take(with_numbers(moved("", "OR1"), {{"77", "H", "", ""}}, ""), kMorning);
+  book.take(with_numbers(moved("", "OR2"), {{"77", "CLINIC", "", ""}}, "1980"), kMorning);
   book.take(with_numbers(leaving(""), {{"77", "", "", ""}}, ""), kMorning);
   EXPECT_EQ(book.size(), 2U);
   EXPECT_EQ(book.strangers_left(), 1U);
@@ -821,14 +833,14 @@ TEST(ProcedureBook, TwinsAreTwo) {
   const PatientNumber account{"V9", "H", "", "AN", true};
   using testing::ElementsAre;
   const auto there = [&] { return listed(book, kMorning + 1h); };
-  book.take(with_numbers(placed("", {"OR1"}), {{"1", "H", "", "MR"}, account}), kMorning);
-  book.take(with_numbers(placed("", {"OR1"}), {{"2", "H", "", "MR"}, account}), kMorning + 1min);
+  book.take(with_numbers(moved("", "OR1"), {{"1", "H", "", "MR"}, account}), kMorning);
+  book.take(with_numbers(moved("", "OR1"), {{"2", "H", "", "MR"}, account}), kMorning + 1min);
   EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kSeveralThere);
   book.take(with_numbers(leaving(""), {account}), kMorning + 2min);
   EXPECT_THAT(there(), ElementsAre("1 ", "2 ")) << "nobody knows which of them";
   book.take(with_numbers(leaving(""), {{"2", "H", "", "MR"}, account}), kMorning + 2min);
   EXPECT_THAT(there(), ElementsAre("1 "));
-  book.take(with_numbers(placed("", {"OR2"}), {{"3", "H", "", "MR"}, {"1", "", "", "SS"}}), kMorning + 3min);
+  book.take(with_numbers(moved("", "OR2"), {{"3", "H", "", "MR"}, {"1", "", "", "SS"}}), kMorning + 3min);
   EXPECT_THAT(there(), ElementsAre("1 "));
   book.take(with_numbers(leaving(""), {account}), kMorning + 4min);
   EXPECT_THAT(there(), testing::IsEmpty()) << "by an account alone";
@@ -886,7 +898,7 @@ TEST(ProcedureBook, WhoeverWasMergedBeforeTheyCameGoesByTheLaterNumber) {
 // Whose record it is must be sure before it goes by another number.
 TEST(ProcedureBook, NobodyIsRenamedByHalfANumber) {
   ProcedureBook book;
-  book.take(with_numbers(placed("", {"OR1"}), {kBefore}), kMorning);
+  book.take(with_numbers(moved("", "OR1"), {kBefore}), kMorning);
   book.take(merging(kNow, {"815", "", "", ""}, ""), kMorning + 1min);
   EXPECT_EQ(found(book, kMorning + 1h), "0815 ");
   book.take(merging(kNow, {"815", "", "", ""}, "1950-01-01"), kMorning + 1min);
@@ -915,7 +927,7 @@ TEST(ProcedureBook, TimesThatCannotBeAreTakenAll) {
 
 TEST(ProcedureBook, WhoeverWasMergedLeavesByEitherNumber) {
   ProcedureBook book;
-  book.take(with_numbers(placed("", {"OR1"}), {{"0815", "H", "", "MR"}}), kMorning);
+  book.take(with_numbers(moved("", "OR1"), {{"0815", "H", "", "MR"}}), kMorning);
   ProcedureMessage merged = with_numbers(facts(""), {{"4711", "H", "", "MR"}});
   merged.replaces = "815\n";
   merged.replaced_numbers = {{"815", "", "", "MR"}};
@@ -933,7 +945,7 @@ TEST(ProcedureBook, OfTwoPatientsWhoAreEquallyNearNeitherIsTaken) {
   EXPECT_EQ(found(book, kMorning + 10min), "nobody");
   EXPECT_EQ(doubt(book, kMorning), Doubt::kTwoPlanned);
   EXPECT_EQ(book.list(rule, kMorning).size(), 2U) << "a person chooses";
-  book.take(placed("2", {"OR1"}), kMorning);
+  book.take(moved("2", "OR1"), kMorning);
   EXPECT_EQ(found(book, kMorning + 10min), "2 B") << "somebody placed one of them in the room";
   EXPECT_EQ(doubt(book, kMorning), Doubt::kNone);
 }
@@ -966,10 +978,10 @@ TEST(ProcedureBook, AnAppointmentCompletesThePatientInTheRoom) {
   ProcedureBook book;
   book.take(planned("1", "first", kMorning), kMorning - 10h);
   book.take(planned("2", "second", kMorning + 3h), kMorning - 10h);
-  book.take(placed("2", {"OR1"}), kMorning);
+  book.take(moved("2", "OR1"), kMorning);
   EXPECT_EQ(found(book, kMorning), "2 second") << "who is there, though another was planned";
   book.take(leaving("2"), kMorning);
-  book.take(placed("7", {"OR1"}), kMorning + 1min);
+  book.take(moved("7", "OR1"), kMorning + 1min);
   EXPECT_EQ(found(book, kMorning + 1min), "7 ") << "an emergency: nobody else's appointment";
 }
 
@@ -995,8 +1007,8 @@ ProcedureMessage of_visit(const std::string& visit, ProcedureMessage message) {
 
 // They came, were operated on, and left: their appointment was the nearest one still.
 TEST(ProcedureBook, WhoeverLeftIsNotTakenByPlan) {
-  for (const ProcedureMessage& message : {leaving("1"), moved("1", "PACU"), placed("1", {"PACU"}),
-                                          with_kind(placed("1", {"OR1"}), Kind::kDeparts)}) {
+  for (const ProcedureMessage& message :
+       {leaving("1"), moved("1", "PACU"), with_kind(placed("1", {"OR1"}), Kind::kDeparts)}) {
     ProcedureBook book;
     book.take(booked(planned("1", "first", kMorning)), kMorning - 20h);
     book.take(booked(planned("2", "second", kMorning + 90min)), kMorning - 20h);
@@ -1041,7 +1053,11 @@ TEST(ProcedureBook, AnOrdinaryDayNeedsNoQuestion) {
       left.places = {"WARD"};
       if (sends == Sends::kAll)
         book.take(told_by("HIS", begin - 10min, of_visit("I" + who, moved(who, "OR1"))), begin - 10min);
-      EXPECT_EQ(found(book, begin), who + " op " + who) << static_cast<int>(sends);
+      // Of whom nobody says that they left, it is known that they were recorded.
+      const EndedSince ended = [&](const ProcedureData& data, UtcTime) {
+        return sends == Sends::kAppointments && data.patient_id < who;
+      };
+      EXPECT_EQ(found(book, begin, {"OR1"}, 12h, ended), who + " op " + who) << static_cast<int>(sends);
       if (sends == Sends::kAll) {
         book.take(told_by("HIS", begin + 5min, of_visit("I" + who, corrected(who, "OR1"))), begin + 5min);
         EXPECT_EQ(found(book, begin + 6min), who + " op " + who) << "paused, and carried on";
@@ -1263,16 +1279,16 @@ TEST(ProcedureBook, ACorrectionBringsNobodyBackWhoLeft) {
     other.take(corrected("1", "OR1"), kMorning + 59min);
     EXPECT_EQ(found(other, kMorning + 1h), "1 ");
   }
-  // Where nothing but corrections is sent, they move patients, also back.
+  // Nor do they bring anybody else, or of another stay: an event does.
   ProcedureBook book;
   for (const std::string place : {"OR1", "PACU", "OR1"}) book.take(corrected("1", place), kMorning);
-  EXPECT_EQ(found(book, kMorning + 1h), "1 ");
-  // Of another stay they say where that one is.
+  EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kRecordAlone);
   ProcedureBook stays;
   stays.take(of_visit("V1", moved("1", "OR1")), kMorning - 10h);
   stays.take(of_visit("V1", leaving("1")), kMorning - 9h);
   stays.take(of_visit("V2", corrected("1", "OR1")), kMorning);
-  EXPECT_EQ(found(stays, kMorning), "1 ");
+  EXPECT_EQ(doubt(stays, kMorning), Doubt::kRecordAlone);
+  EXPECT_THAT(listed(stays, kMorning), testing::ElementsAre("1 "));
 }
 
 ProcedureMessage on_a_day(ProcedureMessage message, UtcTime from, UtcTime to) {
@@ -1302,7 +1318,7 @@ TEST(ProcedureBook, AnAppointmentByDayAloneIsNotPlannedForWhenItsMessageCame) {
   EXPECT_EQ(doubt(today, kMorning), Doubt::kTimeUnclear);
   EXPECT_EQ(doubt(ProcedureBook::imported(today.exported()), kMorning), Doubt::kTimeUnclear);
   EXPECT_EQ(found(today, kMorning - 8h), "nobody");
-  today.take(placed("2", {"OR1"}), kMorning);
+  today.take(moved("2", "OR1"), kMorning);
   EXPECT_EQ(found(today, kMorning), "2 day alone") << "who is there has one today";
   ProcedureBook tomorrow;
   tomorrow.take(on(24h), kMorning);
@@ -1356,7 +1372,7 @@ TEST(ProcedureBook, AChangeThatStatesNoTimeLeavesTheTimesAsTheyWere) {
   book.take(checked_in, kMorning - 1h);
   EXPECT_EQ(found(book, kMorning), "p first");
   EXPECT_EQ(book.find({{"OR1"}, 12h}, kMorning).value_or(ProcedureData()).planned, "09:00");
-  EXPECT_EQ(found(book, kMorning + 3h), "q second");
+  EXPECT_EQ(found(book, kMorning + 3h, {"OR1"}, 12h, recorded("p")), "q second");
   // Nor of rooms, but for a ward.
   ProcedureMessage in_ward = planned("p", "first", {});
   in_ward.places = {"WARD"};
@@ -1426,7 +1442,8 @@ TEST(ProcedureBook, WhereMoreIsToldOfARoomThanIsKeptNobodyIsTaken) {
   const UtcTime last = kMorning + std::chrono::minutes(ProcedureBook::kMostKept);
   EXPECT_EQ(doubt(book, last), Doubt::kNotKept);
   EXPECT_EQ(doubt(ProcedureBook::imported(book.exported()), last), Doubt::kNotKept);
-  EXPECT_EQ(found(book, last - 13h), "1220 A1220") << "it would not count yet";
+  const EndedSince all = [](const ProcedureData&, UtcTime) { return true; };
+  EXPECT_EQ(found(book, last - 13h, {"OR1"}, 12h, all), "1220 A1220") << "it would not count yet";
   EXPECT_EQ(found(book, kMorning), "0 A0") << "what is next was booked first";
   book.take(moved("x", "OR1"), last);
   EXPECT_EQ(found(book, last), "x ") << "who is there is there";
@@ -1777,6 +1794,300 @@ TEST(ProcedureBook, AnEmergencyWhoseNameBecomesKnownIsOnePatient) {
     const std::string facility = other.kind == Kind::kFacts ? "H2" : "H1";
     book.take(of(person(other, "Zed", "1950-05-05", facility)), kMorning + 10min);
     EXPECT_EQ(doubt(book, kMorning + 1h), Doubt::kOneNumber);
+  }
+}
+
+/// A01, A04, A06, A13.
+ProcedureMessage registered(const std::string& patient, const std::string& place) {
+  ProcedureMessage message = moved(patient, place);
+  message.registers = true;
+  return message;
+}
+ProcedureMessage filled(const std::string& sender, const std::string& number, ProcedureMessage message,
+                        const std::string& by = "") {
+  message = numbered(std::move(message), "", number);
+  message.filler_by.name = by;
+  message.sender = sender;
+  return message;
+}
+
+// Each system counts its appointments from one on.
+TEST(ProcedureBook, TwoSystemsMayUseOneNumberForTwoAppointments) {
+  const auto after = [](const ProcedureMessage& other, const std::string& by = "") {
+    ProcedureBook book;
+    book.take(filled("HIS", "1001", booked(planned("a", "first", kMorning)), by), kMorning - 2h);
+    book.take(filled("HIS", "1002", booked(planned("b", "second", kMorning + 50min)), by), kMorning - 2h);
+    book.take(other, kMorning - 1h);
+    return ProcedureBook::imported(book.exported());
+  };
+  const ProcedureMessage elsewhere = booked(planned("c", "other", kMorning + 30min, "ENDO2"));
+  const ProcedureMessage cancelled = with_kind(planned("c", "", {}, "ENDO2"), Kind::kCancels);
+  for (const ProcedureMessage& message : {elsewhere, cancelled}) {
+    EXPECT_EQ(found(after(filled("ENDO", "1001", message)), kMorning), "a first");
+    EXPECT_EQ(found(after(filled("ENDO", "1001", message, "ENDO"), "HIS"), kMorning), "a first");
+    EXPECT_EQ(found(after(filled("HIS", "1001", message, "ENDO"), "HIS"), kMorning), "a first")
+        << "both come through one engine";
+    // The number is the same, and the patient is not.
+    EXPECT_EQ(doubt(after(filled("HIS", "1001", message)), kMorning), Doubt::kOneAppointment);
+    EXPECT_EQ(doubt(after(filled("ENDO", "1001", message, "his"), "HIS"), kMorning), Doubt::kOneAppointment);
+    // Or the patient is, and nobody knows whose number it is.
+    ProcedureMessage same = message;
+    same.patient = same.data.patient_id = "a";
+    EXPECT_EQ(doubt(after(filled("ENDO", "1001", same)), kMorning), Doubt::kOneAppointment);
+    EXPECT_EQ(doubt(after(filled("ENDO", "1001", same), "HIS"), kMorning), Doubt::kOneAppointment);
+    EXPECT_EQ(found(after(filled("ENDO", "1001", same, "ENDO"), "HIS"), kMorning), "a first");
+    EXPECT_EQ(found(after(filled("HIS", "1001", same), "HIS"), kMorning), "b second")
+        << "of one sender it is that one";
+  }
+  // By the number alone.
+  ProcedureMessage unnamed = cancelled;
+  unnamed.patient.clear();
+  unnamed.data.patient_id.clear();
+  EXPECT_EQ(found(after(filled("HIS", "1001", unnamed)), kMorning), "b second");
+  EXPECT_EQ(doubt(after(filled("ENDO", "1001", unnamed)), kMorning), Doubt::kOneAppointment);
+  // What another system says likewise is in no doubt.
+  EXPECT_EQ(found(after(filled("ENDO", "1001", planned("a", "first", kMorning))), kMorning), "a first");
+  ProcedureBook book = after(filled("ENDO", "1001", [&] {
+    ProcedureMessage same = elsewhere;
+    same.patient = same.data.patient_id = "a";
+    return same;
+  }()));
+  book.take(filled("ENDO", "1001", with_kind(planned("a", "", {}, "ENDO2"), Kind::kCancels)),
+            kMorning - 30min);
+  EXPECT_EQ(doubt(book, kMorning), Doubt::kOneAppointment);
+  book.take(filled("HIS", "1001", planned("a", "first", kMorning)), kMorning - 20min);
+  EXPECT_EQ(found(book, kMorning), "a first") << "its own system says so again";
+}
+
+// Of two that came through one engine the one goes on being changed.
+TEST(ProcedureBook, AnotherAppointmentOfTheNumberIsNotTakenForASeriesOfPatients) {
+  ProcedureBook book;
+  book.take(filled("HIS", "1001", booked(planned("a", "first", kMorning))), kMorning - 2h);
+  book.take(filled("HIS", "1001", booked(planned("c", "other", kMorning + 30min, "ENDO2"))), kMorning - 1h);
+  book.take(filled("HIS", "1001", planned("c", "other", kMorning + 40min, "ENDO2")), kMorning - 1h);
+  book.take(filled("HIS", "1002", booked(planned("b", "second", kMorning + 50min))), kMorning - 1h);
+  EXPECT_EQ(doubt(book, kMorning), Doubt::kOneAppointment);
+  EXPECT_EQ(book.size(), 3U);
+}
+
+TEST(ProcedureBook, ACorrectionTakesNobodyOutOfTheRoom) {
+  const auto after = [](const ProcedureMessage& arrives, const ProcedureMessage& record) {
+    ProcedureBook book;
+    book.take(booked(planned("b", "second", kMorning + 30min)), kMorning - 1h);
+    book.take(arrives, kMorning - 10min);
+    book.take(record, kMorning - 2min);
+    return ProcedureBook::imported(book.exported());
+  };
+  for (const std::string sender : {"ORSYS", "HIS"}) {
+    const ProcedureMessage record = told_by("HIS", kMorning - 2min, corrected("a", "W4"));
+    const ProcedureMessage arrives = told_by(sender, kMorning - 10min, moved("a", "OR1"));
+    for (const std::string visit : {"", "V77"}) {
+      ProcedureBook book = after(of_visit(visit, arrives), of_visit(visit, record));
+      EXPECT_EQ(doubt(book, kMorning), Doubt::kRecordElsewhere);
+      EXPECT_THAT(listed(book, kMorning), testing::Contains("a "));
+      book.take(told_by("HIS", kMorning, moved("a", "OR1")), kMorning);
+      EXPECT_EQ(found(book, kMorning), "a ");
+      book.take(told_by("HIS", kMorning + 1min, moved("a", "W4")), kMorning + 1min);
+      EXPECT_EQ(found(book, kMorning + 1min), "b second");
+    }
+  }
+  // The ward that the operating rooms' system took them from is no news.
+  ProcedureBook book;
+  book.take(told_by("HIS", kMorning - 2h, moved("a", "W4")), kMorning - 2h);
+  book.take(told_by("ORSYS", kMorning - 10min, moved("a", "OR1")), kMorning - 10min);
+  book.take(told_by("HIS", kMorning - 2min, corrected("a", "W4")), kMorning - 2min);
+  EXPECT_EQ(found(book, kMorning), "a ");
+}
+
+TEST(ProcedureBook, ACorrectionBringsNobodyAgainstThePlan) {
+  for (const bool is_known : {false, true}) {
+    ProcedureBook book;
+    if (is_known) book.take(moved("a", "WARD"), kMorning - 5h);
+    book.take(corrected("a", "OR1"), kMorning - 30min);
+    EXPECT_EQ(doubt(book, kMorning), Doubt::kRecordAlone);
+    EXPECT_THAT(listed(book, kMorning), testing::ElementsAre("a "));
+    book.take(booked(planned("a", "tomorrow", kMorning + 24h)), kMorning - 50h);
+    book.take(booked(planned("b", "now", kMorning)), kMorning - 50h);
+    EXPECT_EQ(found(book, kMorning), "b now");
+    EXPECT_EQ(found(ProcedureBook::imported(book.exported()), kMorning), "b now");
+    book.take(moved("b", "OR1"), kMorning);
+    EXPECT_EQ(doubt(book, kMorning), Doubt::kSeveralThere);
+    book.take(moved("a", "OR1"), kMorning);
+    book.take(moved("b", "OR2"), kMorning);
+    EXPECT_EQ(found(book, kMorning), "a ") << "an event brings them";
+  }
+}
+
+TEST(ProcedureBook, WhoeverWasOnlyRegisteredInTheRoomIsNotTakenAgainstThePlan) {
+  const auto with = [](std::optional<UtcTime> own, std::optional<UtcTime> other,
+                       const ProcedureMessage& arrives = registered("a", "OR1")) {
+    ProcedureBook book;
+    if (own) book.take(booked(planned("a", "own", own)), kMorning - 50h);
+    if (other) book.take(booked(planned("b", "other", other)), kMorning - 50h);
+    book.take(arrives, kMorning - 30min);
+    return ProcedureBook::imported(book.exported());
+  };
+  EXPECT_EQ(found(with({}, {}), kMorning), "a ") << "nobody else is known";
+  EXPECT_EQ(found(with(kMorning, {}), kMorning), "a own");
+  EXPECT_EQ(found(with(kMorning, kMorning + 50min), kMorning), "a own");
+  EXPECT_EQ(found(with(kMorning, kMorning), kMorning), "a own") << "both are planned, one is registered";
+  EXPECT_EQ(found(with({}, kMorning + 2h), kMorning), "a ") << "the other one is later";
+  for (const auto& own : {std::optional<UtcTime>(), std::optional(kMorning + 6h),
+                          std::optional(kMorning + 24h), std::optional(kMorning + 47min)})
+    EXPECT_EQ(doubt(with(own, kMorning), kMorning), Doubt::kOnlyRegistered);
+  EXPECT_EQ(doubt(with(kMorning - 5min, kMorning - 70min), kMorning), Doubt::kOnlyRegistered) << "it is late";
+  EXPECT_EQ(found(with(kMorning + 6h, kMorning, moved("a", "OR1")), kMorning), "a own") << "came there";
+  ProcedureBook book = with(kMorning - 5min, kMorning - 70min);
+  EXPECT_EQ(found(book, kMorning, {"OR1"}, 12h, recorded("b")), "a own");
+  book.take(leaving("b"), kMorning - 1min);
+  EXPECT_EQ(found(book, kMorning), "a own");
+  book.take(moved("a", "OR1"), kMorning);
+  book.take(registered("a", "OR1"), kMorning);
+  EXPECT_EQ(found(book, kMorning), "a own");
+  // Where every message is about this room.
+  EXPECT_EQ(doubt(with(kMorning + 6h, kMorning), kMorning, {}), Doubt::kOnlyRegistered);
+  EXPECT_EQ(doubt(with(kMorning + 6h, kMorning,
+                       [] {
+                         ProcedureMessage message = registered("a", "");
+                         message.places.clear();
+                         return message;
+                       }()),
+                  kMorning, {}),
+            Doubt::kOnlyRegistered);
+}
+
+TEST(ProcedureBook, WhereTheRoomRunsLateAPersonChooses) {
+  ProcedureBook book;
+  book.take(booked(planned("b", "first", kMorning - 70min)), kMorning - 5h);
+  for (const auto next : {-5min, 10min}) {
+    book.take(booked(planned("c", "second", kMorning + next)), kMorning - 5h);
+    EXPECT_EQ(doubt(book, kMorning), Doubt::kEarlierOpen);
+    EXPECT_EQ(found(book, kMorning - 50min), "b first") << "the nearest one is the first";
+    EXPECT_EQ(found(book, kMorning, {"OR1"}, 12h, recorded("b")), "c second");
+  }
+  ProcedureBook gone = book, called_off = book, over = book, in_ward = book;
+  gone.take(moved("b", "OR1"), kMorning - 70min);
+  gone.take(moved("b", "PACU"), kMorning - 5min);
+  EXPECT_EQ(found(gone, kMorning), "c second");
+  called_off.take(with_kind(planned("b", "first", {}), Kind::kCancels), kMorning - 5min);
+  EXPECT_EQ(found(called_off, kMorning), "c second");
+  ProcedureMessage done = planned("b", "first", kMorning - 70min);
+  done.is_over = true;
+  over.take(done, kMorning - 5min);
+  EXPECT_EQ(found(over, kMorning), "c second");
+  EXPECT_EQ(doubt(over, kMorning - 10min), Doubt::kEarlierOpen) << "of a case that began before it was over";
+  // Whoever departs from their ward is on the way.
+  in_ward.take(moved("b", "WARD"), kMorning - 3h);
+  in_ward.take(with_kind(placed("b", {"WARD"}), Kind::kDeparts), kMorning - 5min);
+  EXPECT_EQ(doubt(in_ward, kMorning), Doubt::kEarlierOpen);
+  book.take(moved("c", "OR1"), kMorning);
+  EXPECT_EQ(found(book, kMorning), "c second") << "who is there is there";
+  ProcedureBook twice;
+  twice.take(booked(planned("b", "first", kMorning - 70min)), kMorning - 5h);
+  twice.take(booked(planned("b", "second", kMorning)), kMorning - 5h);
+  EXPECT_EQ(found(twice, kMorning), "b second") << "one patient's";
+}
+
+TEST(ProcedureBook, AnAppointmentIsInTheRoomsThatItNames) {
+  ProcedureBook book;
+  ProcedureMessage a = booked(planned("a", "first", kMorning, "OR1"));
+  a.planned_places = {place_at("OR2", {})};
+  a.places = {"OR1", "OR2"};
+  book.take(booked(planned("b", "second", kMorning + 5min)), kMorning - 1h);
+  ProcedureBook other = book;
+  a.names_rooms = true;
+  book.take(a, kMorning - 1h);
+  EXPECT_EQ(found(book, kMorning), "b second");
+  EXPECT_EQ(found(book, kMorning, {"OR2"}), "a first");
+  EXPECT_EQ(found(ProcedureBook::imported(book.exported()), kMorning), "b second");
+  // A resource is a room where one has its name, else a machine.
+  a.names_rooms = false;
+  ProcedureBook machine = other;
+  machine.take(a, kMorning - 1h);
+  EXPECT_EQ(found(machine, kMorning), "a first");
+  other.watch({{"OR2"}, 12h});
+  other.take(a, kMorning - 1h);
+  EXPECT_EQ(found(other, kMorning), "b second");
+  // What is said of a time alone leaves its room.
+  a.names_rooms = true;
+  ProcedureMessage later = planned("a", "first", kMorning + 3min, "OR1");
+  book.take(later, kMorning - 30min);
+  EXPECT_EQ(found(book, kMorning + 3min, {"OR2"}), "a first");
+  EXPECT_EQ(found(book, kMorning), "b second");
+  book.take(with_kind(later, Kind::kCancels), kMorning - 20min);
+  ProcedureData step;
+  step.patient_id = "a";
+  EXPECT_EQ(book.standing({{"OR2"}, 12h}, step, kMorning, kMorning), Standing::kDoubtful);
+}
+
+TEST(ProcedureBook, AnAppointmentWhoseStatusIsNotKnownIsForAPersonToChoose) {
+  ProcedureBook book;
+  ProcedureMessage waiting = booked(planned("a", "first", kMorning));
+  waiting.is_status_unclear = true;
+  book.take(waiting, kMorning - 1h);
+  book.take(booked(planned("b", "second", kMorning + 6min)), kMorning - 1h);
+  EXPECT_EQ(doubt(book, kMorning), Doubt::kStatusUnclear);
+  EXPECT_EQ(doubt(ProcedureBook::imported(book.exported()), kMorning), Doubt::kStatusUnclear);
+  book.take(booked(planned("a", "first", kMorning)), kMorning - 1h);
+  EXPECT_EQ(found(book, kMorning), "a first");
+}
+
+// Its clock may be wrong, or it comes late.
+TEST(ProcedureBook, AnEventFromBeforeAnotherSystemSawThemOffBringsNobodyBack) {
+  for (const bool is_discharged : {false, true}) {
+    ProcedureBook book;
+    book.take(booked(planned("b", "second", kMorning)), kMorning - 3h);
+    book.take(told_by("HIS", kMorning - 100min, moved("a", "OR1")), kMorning - 100min);
+    const ProcedureMessage gone = is_discharged ? leaving("a") : moved("a", "PACU");
+    book.take(told_by("HIS", kMorning - 10min, gone), kMorning - 10min);
+    ProcedureBook again = book;
+    book.take(told_by("ORSYS", kMorning - 99min, moved("a", "OR1")), kMorning - 1min);
+    EXPECT_EQ(doubt(book, kMorning), Doubt::kToldLate);
+    again.take(told_by("ORSYS", kMorning - 5min, moved("a", "OR1")), kMorning - 1min);
+    EXPECT_EQ(found(again, kMorning), "a ") << "came again";
+  }
+}
+
+TEST(ProcedureBook, ANewbornWhoIsLeftIsForAPersonToChoose) {
+  const auto with = [](const std::string& born) {
+    ProcedureBook book;
+    ProcedureMessage child = moved("child", "OR1");
+    child.data.birth_date = born;
+    book.take(moved("mother", "OR1"), kMorning - 60min);
+    book.take(child, kMorning - 40min);
+    book.take(moved("mother", "WARD"), kMorning - 10min);
+    return book;
+  };
+  EXPECT_EQ(doubt(with("2026-08-05"), kMorning), Doubt::kNewborn);
+  EXPECT_EQ(doubt(with("2026-08-04"), kMorning), Doubt::kNewborn);
+  for (const std::string born : {"2026-07-05", "2026-08", "", "5.8.2026"})
+    EXPECT_EQ(found(with(born), kMorning), "child ") << born;
+  ProcedureBook alone;
+  ProcedureMessage child = moved("child", "OR1");
+  child.data.birth_date = "2026-08-04";
+  alone.take(child, kMorning - 40min);
+  EXPECT_EQ(found(alone, kMorning), "child ");
+}
+
+TEST(ProcedureBook, AnotherNameWithHalfANumberSeesNobodyOff) {
+  const auto after = [](const std::string& name, const std::string& issuer, const std::string& born = "") {
+    ProcedureBook book;
+    book.take(booked(planned("b", "second", kMorning + 30min)), kMorning - 1h);
+    ProcedureMessage a = with_numbers(moved("", "OR1"), {{"4711", issuer, "", ""}}, "1970-01-01");
+    a.data.patient_id_issuer = issuer;
+    a.data.patient = {"TANAKA", "HANAKO", "TANAKA^HANAKO"};
+    a.sender = "HIS";
+    ProcedureMessage left = with_numbers(leaving(""), {{"4711", "", "", ""}}, born);
+    if (!name.empty()) left.data.patient = {name, "X", name + "^X"};
+    left.sender = "LAB";
+    book.take(a, kMorning - 10min);
+    book.take(left, kMorning - 2min);
+    return book;
+  };
+  for (const std::string issuer : {"HOSP", ""}) {
+    EXPECT_EQ(doubt(after("SUZUKI", issuer), kMorning), Doubt::kOneNumber) << issuer;
+    EXPECT_EQ(found(after("", issuer), kMorning), "b second") << "the number alone";
+    EXPECT_EQ(found(after("SUZUKI", issuer, "1970-01-01"), kMorning), "b second") << "born on that day";
   }
 }
 

@@ -49,7 +49,7 @@ TEST(ProcedureMessage, ReadsWhereAPatientIs) {
   const ProcedureMessage message = read(adt("A02", "PV1|1|I|WARD^3^2||||200^Attend^Ann||||OR1||||||||V5\r"));
   EXPECT_EQ(message.kind, Kind::kPlaces);
   EXPECT_EQ(message.patient, "4711\nHOSP");
-  EXPECT_THAT(message.places, testing::UnorderedElementsAre("OR1", "OR1", "WARD", "3", "2", "WARD^3^2"));
+  EXPECT_THAT(message.places, ElementsAre("OR1", "OR1")) << "they are not in the bed that they keep";
   EXPECT_EQ(message.data.location, "OR1") << "the temporary location goes before the ward";
   EXPECT_EQ(message.data.patient, (PersonName{"Doe", "John Q", "Doe^John^Q"}));
   EXPECT_EQ(message.data.birth_date, "1980-01-15");
@@ -150,8 +150,8 @@ TEST(ProcedureMessage, APlaceMayBeNamedWithItsHospital) {
 TEST(ProcedureMessage, WhoDepartsNamesWhereTheyWere) {
   for (const char* event : {"A09", "A32"}) {
     EXPECT_EQ(read(adt(event)).kind, Kind::kDeparts) << event;
-    EXPECT_THAT(read(adt(event, "PV1|1|I|WARD^3^2||||||||OR1\r")).places, ElementsAre("OR1", "OR1"))
-        << "the bed is theirs still";
+    EXPECT_THAT(read(adt(event, "PV1|1|I|OR2||||||||OR1\r")).places, ElementsAre("OR1", "OR1", "OR2", "OR2"))
+        << "whether they go to the one or leave it";
     EXPECT_THAT(read(adt(event, "PV1|1|I|WARD^3|||WARD^2\r")).places,
                 testing::IsSupersetOf({"WARD^3", "WARD^2"}));
     EXPECT_THAT(read(adt(event, "PV1|1|I|WARD^3" + std::string(40, '|') + "OR1\r")).places,
@@ -162,6 +162,49 @@ TEST(ProcedureMessage, WhoDepartsNamesWhereTheyWere) {
       << "the event stands in EVN-1 alone";
   EXPECT_EQ(read("MSH|^~\\&|A||||2026||ADT|1|P|2.5\rPID|1||7\rPV1|1|I|OR1\r").kind, Kind::kFacts);
   EXPECT_TRUE(is_of_procedures("ADT"));
+}
+
+TEST(ProcedureMessage, WhoeverIsElsewhereForATimeIsNotWhereTheyAreAssigned) {
+  const std::string in_recovery = "PV1|1|I|OR1||||||||PACU\r";
+  for (const char* event : {"A01", "A02", "A08", "A10"}) {
+    EXPECT_THAT(read(adt(event, in_recovery)).places, ElementsAre("PACU", "PACU")) << event;
+    EXPECT_THAT(read(adt(event, "PV1|1|I|OR1||||||||\"\"\r")).places, ElementsAre("OR1", "OR1")) << event;
+    EXPECT_THAT(read(adt(event, "PV1|1|I|OR1||||||||^^\r")).places, ElementsAre("OR1", "OR1")) << event;
+  }
+  EXPECT_THAT(read(adt("A03", in_recovery)).places, Contains("OR1")) << "whoever is gone is in neither";
+  EXPECT_THAT(read(adt("A09", in_recovery)).places, Contains("OR1"));
+}
+
+TEST(ProcedureMessage, KnowsWhoIsOnlyRegistered) {
+  for (const char* event : {"A01", "A04", "A06", "A07", "A13", "A22", "A52"})
+    EXPECT_TRUE(read(adt(event)).registers) << event;
+  for (const char* event : {"A02", "A08", "A10", "A12", "A17", "A33"})
+    EXPECT_FALSE(read(adt(event)).registers) << event;
+}
+
+TEST(ProcedureMessage, AnAppointmentsNumberIsOneOfWhoGaveIt) {
+  const auto with = [](const std::string& placer, const std::string& filler, const std::string& sender) {
+    return read("MSH|^~\\&|" + sender + "||||2026||SIU^S12|1|P|2.5\rSCH|" + placer + "|" + filler +
+                "\rPID|1||7\rAIL|1||OR1\r");
+  };
+  const ProcedureMessage one = with("P1^EMR", "F1^PLAN^1.2^ISO", "A");
+  EXPECT_EQ(one.filler_by, (Assigner{"PLAN", "1.2"}));
+  EXPECT_EQ(one.placer_by, (Assigner{"EMR", ""}));
+  EXPECT_TRUE(one.names_rooms);
+  const auto same = [&](const ProcedureMessage& other) {
+    const std::optional<bool> same = same_number_of_appointment(one, other);
+    return !same ? "unknown" : *same ? "same" : "another";
+  };
+  EXPECT_STREQ(same(with("P2", "F1^plan", "B")), "same");
+  EXPECT_STREQ(same(with("", "F1^X^1.2^ISO", "B")), "same");
+  EXPECT_STREQ(same(with("P1^EMR", "F1^RIS", "A")), "another");
+  EXPECT_STREQ(same(with("", "F1^PLAN^9.9^ISO", "A")), "another");
+  EXPECT_STREQ(same(with("", "F1", "A")), "same") << "of one sender";
+  EXPECT_STREQ(same(with("", "F1", "B")), "unknown");
+  EXPECT_STREQ(same(with("P1^emr", "", "B")), "same");
+  EXPECT_STREQ(same(with("P1^RIS", "", "B")), "another");
+  EXPECT_STREQ(same(with("P1", "", "B")), "unknown");
+  EXPECT_STREQ(same(with("P9", "", "A")), "another");
 }
 
 TEST(ProcedureMessage, SaysWhoToldItAndWhenByTheirClock) {
@@ -271,9 +314,24 @@ TEST(ProcedureMessage, AnAppointmentThatItsStatusCallsOffIsCancelled) {
   EXPECT_EQ(with_status("S14", "NOSHOW"), Kind::kCancels);
   EXPECT_EQ(with_status("S14", "Booked"), Kind::kAppointment);
   EXPECT_EQ(with_status("S14", "COMPLETE"), Kind::kAppointment);
-  for (const char* status :
-       {"CAN^Cancelled^L", "X^Canceled", "7^^L^CANCELLED", "9^^L^Z^Cancelled", "CAN", "N^No show"})
+  for (const char* status : {"CAN^Cancelled^L", "X^Canceled", "7^^L^CANCELLED", "9^^L^Z^Cancelled", "CAN",
+                             "N^No show", "STORNO^Storniert^LOCAL", "X^Abgesagt", "9^キャンセル"})
     EXPECT_EQ(with_status("S14", status), Kind::kCancels) << status;
+}
+
+TEST(ProcedureMessage, AStatusThatIsNotKnownIsUnclear) {
+  const auto is_unclear = [](const std::string& status) {
+    std::string text = kAppointment;
+    text.insert(text.find('\r', text.find("SCH|")), std::string(14, '|') + status);
+    return read(text).is_status_unclear;
+  };
+  for (const char* status : {"", "\"\"", "Booked", "BOOKED^^HL70278", "B^Booked", "Scheduled",
+                             "2^^L^Confirmed", "Started", "Overbook", "Pending", "Arrived", "Checked in",
+                             "GEBUCHT", "1^予約済", "Complete", "Cancelled", "STORNO"})
+    EXPECT_FALSE(is_unclear(status)) << status;
+  for (const char* status : {"Waitlist^Appointment on a waiting list^HL70278", "Blocked", "X", "7^^L",
+                             "Unconfirmed", "nicht bestätigt", "on hold"})
+    EXPECT_TRUE(is_unclear(status)) << status;
 }
 
 TEST(ProcedureMessage, TakesTheTimeOfTheSenderOrTheAssumedZone) {

@@ -145,6 +145,18 @@ TEST_F(RoomOfMessages, WhoeverLeftBeforeTheirTimeIsDoneIfACaseAboutThemHasEnded)
   EXPECT_EQ(room.find(begin).value_or(ProcedureData()).patient_id, "Q");
 }
 
+TEST_F(RoomOfMessages, WhereTheRoomRunsLateWhatWasRecordedKeepsNobodyWaiting) {
+  const UtcTime now = utc_now();
+  book("P", now - 70min);
+  book("Q", now - 5min);
+  EXPECT_EQ(room.doubt(now), Doubt::kEarlierOpen);
+  ProcedureData about;
+  about.patient_id = "P";
+  about.patient_id_issuer = "H";
+  room.ended(about, now - 20min);
+  EXPECT_EQ(room.find(now).value_or(ProcedureData()).patient_id, "Q");
+}
+
 TEST_F(RoomOfMessages, WhatWasRecordedHereLongAgoMayBeMeant) {
   const UtcTime now = utc_now();
   book("P", now);

@@ -194,6 +194,29 @@ TEST(WorklistStep, OneThatIsDoneWithIsPassedOver) {
   EXPECT_EQ(doubt_of(answer, now, 12h, with(Standing::kDoubtful)), Doubt::kLeftAlready);
 }
 
+TEST(WorklistStep, WhereAnEarlierOneIsOpenAPersonChooses) {
+  const UtcTime now = *parse_utc("2026-08-05T09:00:00Z");
+  WorklistAnswer answer;
+  answer.items = {item_of("1", now - 70min), item_of("2", now + 10min)};
+  const auto with = [&](Standing standing) {
+    return [standing](const ProcedureData& data, std::optional<UtcTime>) {
+      return data.patient_id == "1" ? standing : Standing::kOpen;
+    };
+  };
+  EXPECT_EQ(nearest_step(answer, now, now, 12h, with(Standing::kOpen)), std::nullopt);
+  EXPECT_EQ(doubt_of(answer, now, 12h, with(Standing::kOpen)), Doubt::kEarlierOpen);
+  for (const Standing standing : {Standing::kRecorded, Standing::kDone})
+    EXPECT_EQ(nearest_step(answer, now, now, 12h, with(standing)).value().patient_id, "2");
+  EXPECT_EQ(nearest_step(answer, now, now, 1h, with(Standing::kOpen)).value().patient_id, "2")
+      << "longer ago than the window";
+  EXPECT_EQ(nearest_step(answer, now, now - 40min, 12h, with(Standing::kOpen)).value().patient_id, "1");
+  EXPECT_TRUE(nearest_step(answer, now, now, 12h)) << "who does not know what was recorded";
+  answer.items[1].data.patient_id = "1";
+  EXPECT_TRUE(nearest_step(answer, now, now, 12h, with(Standing::kOpen))) << "one patient's";
+  answer.items[0].is_left_out = true;
+  EXPECT_EQ(doubt_of(answer, now, 12h, with(Standing::kOpen)), Doubt::kEarlierOpen);
+}
+
 TEST_F(WorklistTest, ReadsTimesStrictlyAndAsAcrNemaWroteThem) {
   const std::string day = local(now, "%Y%m%d");
   struct Case {
