@@ -7,6 +7,8 @@ Usage: tests/fleet/search_test.py PROGRAMS
 
 Exit status: 0 everything holds, 1 something does not, 77 Ceph or PostgreSQL is not installed.
 """
+import hashlib
+import hmac
 import json
 import pathlib
 import subprocess
@@ -82,6 +84,29 @@ def finds_what_was_recorded(fleet, search, cases):
     require({row["case"] for row in first["cases"] + rest["cases"]} == patients, "pages are not the whole answer")
     shown = fleet.ask("cases", "--search-key", str(search.key), "--patient", PATIENT)
     require("Looked at 5 cases, of which 2 cannot be searched" in shown.stdout, f"shown: {shown.stdout}{shown.stderr}")
+
+
+def is_what_the_format_says(store, site, case):
+    """By docs/reference/format-recovery.md alone, with nothing of Kiroku's."""
+    def mac(key, *lines):
+        return hmac.new(key, "\n".join(lines).encode(), hashlib.sha256).digest()
+
+    secret = bytes.fromhex(site.read_text().split()[1])
+    note = json.loads(store.get("recordings", f"or-1/search/{case}.json"))
+    series = note["series"]
+    require(series[16:] == mac(secret, "kiroku search series", "or-1", series[:16])[:8].hex(), "the series is not the site's")
+    # HKDF to one block.
+    extracted = hmac.new(series.encode(), secret, hashlib.sha256).digest()
+    chain = mac(extracted, "kiroku search appliance", "or-1\x01")
+    for _ in range(note["step"]):
+        chain = mac(chain, "kiroku search step")
+    key = mac(chain, "kiroku search note")
+    about = (["patient", "47110815"], ["patient of", "47110815", "northernhospital"], ["procedure", "k653-zz"],
+             ["procedure of", "k653-zz", "jp"])
+    words = "".join(mac(key, "kiroku search word", case, *what)[:16].hex() for what in about)
+    require(note["words"] == words, f"the words are {note['words']}, not {words}")
+    require(note["mac"] == mac(key, "kiroku search mac", case, series, str(note["step"]), case, series, str(note["step"]), words).hex(),
+            "the MAC is another")
 
 
 def says_nothing_to_others(programs, folder, store, fleet, search, cases, connection, appliance):
@@ -189,6 +214,7 @@ def run(programs, folder, endpoint, connection):
     require(all(each["notes_read"] == 0 for each in fleet.tell("index")["appliances"]), "what did not change was read again")
     search = Search(fleet, site)
     finds_what_was_recorded(fleet, search, cases)
+    is_what_the_format_says(store, site, cases["coded"])
     says_nothing_to_others(programs, folder, store, fleet, search, cases, connection, appliance)
 
     # Lost, the catalogue is made anew from the store.

@@ -604,6 +604,14 @@ TEST(Configuration, RefusesEvidenceThatNamesNoPolicy) {
   EXPECT_EQ(parse_configuration("[evidence]\npolicy = \"a.toml\"\n", "k.toml").evidence.policy, "a.toml");
 }
 
+TEST(Configuration, NamesTheSearchKeyOfASiteThatOptsIn) {
+  EXPECT_EQ(parse_configuration("", "k.toml").search.key, "");
+  EXPECT_EQ(parse_configuration("[search]\nkey = \"search.key\"\n", "k.toml").search.key, "search.key");
+  EXPECT_THAT(refusal("[search]\n"), HasSubstr("[search] needs 'key'"));
+  EXPECT_THAT(refusal("[search]\nkey = 7\n"), HasSubstr("key"));
+  EXPECT_THAT(refusal("[search]\nkeys = \"a\"\n"), HasSubstr("unknown key 'keys' in [search]"));
+}
+
 TEST(Configuration, TheExampleOfARoomIsGood) {
   const std::string example = uncommented_example();
   const Configuration read = parse_configuration(example, "k.toml");
