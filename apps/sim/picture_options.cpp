@@ -53,8 +53,10 @@ void PictureOptions::add_to(Command& command, const std::string& default_transfe
   command.option("--size", "WxH", size, "of the picture, in pixels", "800x600");
   command.option("--surface", "OPACITY", surface,
                  "shows the mesh's surface too, as a sheet of this opacity (0 to 1)");
-  command.option("--background", "COLOUR", background, "black, white or #rrggbb", "#121418");
-  command.option("--spacing", "MM", spacing, "between cross-sections", "half a voxel");
+  command.option("--background", "COLOUR", background, "black, white or #rrggbb",
+                 "#121418; black with --endoscope");
+  command.option("--spacing", "MM", spacing, "between cross-sections",
+                 "half a voxel; with --endoscope 0.2 at most");
   command.option("--smooth", "MM", smooth, "smooths the CT first, against noise", "0");
   command.option(
       "--endoscope", "MM", endoscope,

@@ -197,6 +197,13 @@ void RayCaster::place_cells(const PlacedMesh& mesh, const Scene& scene) {
   }
 }
 
+double RayCaster::faint_share(const PlacedMesh& mesh, const Scene& scene) {
+  if (!scene.tip_light) return kFaint;
+  constexpr double kLeastMm = 1;
+  const double nearest_m = std::max(mesh.nearest_mm, kLeastMm) / kMmPerM;
+  return kTipFaint / std::max(1.0, std::pow(scene.tip_light->working_distance_m / nearest_m, 2));
+}
+
 MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, double spacing_m) const {
   MarchScene march{};
   march.volume = {
@@ -229,9 +236,8 @@ MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, do
   const Vector3 light = scene.to_light.normalized();
   for (int axis = 0; axis < 3; ++axis) march.light[axis] = static_cast<float>(light[axis]);
   for (int level = 0; level < 3; ++level) {
-    const double sections = double(2 << level);
-
-    march.sparse[level] = greatest_byte(-std::log2(1 - kFaint) / (sections * spacing_mm));
+    const double sections = double(2 << level), faint = faint_share(mesh, scene);
+    march.sparse[level] = greatest_byte(-std::log2(1 - faint) / (sections * spacing_mm));
   }
   march.tinted = scene.stress ? 1 : 0;
   march.tint_colours = scene.tip_light ? linear_tint_colours_.data() : tint_colours_.data();

@@ -32,6 +32,8 @@ class RayCaster {
  public:
   /// A share of the light.
   static constexpr double kFaint = 0.02;
+  /// Of a light at the tip, where it is brightest: what is dark has finer steps there.
+  static constexpr double kTipFaint = 0.005;
   static constexpr double kAlike = 3;
 
   /// kiroku::Error for a CT of 2^31 texels or more; kiroku::UsageError for instructions that are not there.
@@ -48,6 +50,7 @@ class RayCaster {
   [[nodiscard]] const std::string& name() const { return name_; }
 
  private:
+  [[nodiscard]] static double faint_share(const PlacedMesh& mesh, const Scene& scene);
   void measure_opacity();
   void place_cells(const PlacedMesh& mesh, const Scene& scene);
   [[nodiscard]] MarchScene march_scene(const PlacedMesh& mesh, const Scene& scene, double spacing_m) const;

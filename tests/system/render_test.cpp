@@ -102,6 +102,56 @@ TEST_F(Render, MakesTheSameBytesWhateverTheNumberOfThreads) {
   EXPECT_TRUE(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
 }
 
+TEST_F(Render, LooksThroughAnEndoscope) {
+  const auto seen = [&](const std::string& threads, const Arguments& more) {
+    Arguments arguments{"sim", "render", "ct.nrrd", "--mesh", "cube.msh", "--endoscope",
+                        "20",  "--size", "96x64",   "-o",     "cube.png", "--force"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProcessResult result = with_threads(threads, arguments);
+    EXPECT_EQ(result.status, 0) << result.err;
+    return read_text(folder() / "cube.png");
+  };
+  const std::string seen_first = seen("1", {});
+  EXPECT_EQ(seen("3", {}), seen_first);
+  EXPECT_EQ(seen("1", {"--lens", "-0.25,0.05", "--field", "70", "--spacing", "0.2"}), seen_first)
+      << "these are the defaults";
+  EXPECT_NE(seen("1", {"--lens", "-0.1,0"}), seen_first);
+  EXPECT_NE(seen("1", {"--field", "60"}), seen_first);
+  EXPECT_NE(seen("1", {"--at", "6,5,5"}), seen_first);
+  // An own lens, as its calibration is written.
+  write_text(folder() / "lens.yml",
+             "%YAML:1.0\n---\nimage_width: 192\nimage_height: 128\n"
+             "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+             "   data: [ 130., 0., 95.5, 0., 130., 63.5, 0., 0., 1. ]\n"
+             "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"
+             "   data: [ -0.2, 0.02, 0., 0., 0. ]\n");
+  EXPECT_NE(seen("1", {"--lens", "lens.yml"}), seen_first);
+  const ProcessResult film = kiroku(
+      {"plan", "replay", "plan.json", "--endoscope", "25", "--size", "96x64", "--gpu", "off", "-o", "film"});
+  EXPECT_EQ(film.status, 0) << film.err;
+  EXPECT_EQ(files_below(folder() / "film").size(), 7U);
+}
+
+TEST_F(Render, RefusesAnEndoscopeThatIsNoneInOneSentence) {
+  const auto render = [&](const Arguments& more) {
+    Arguments all{"sim", "render", "ct.nrrd", "--mesh", "cube.msh", "-o", "x.png"};
+    all.insert(all.end(), more.begin(), more.end());
+    return kiroku(all);
+  };
+  EXPECT_REFUSED(render({"--endoscope", "0"}), "--endoscope is '0'");
+  EXPECT_REFUSED(render({"--endoscope", "near"}), "--endoscope is 'near'");
+  EXPECT_REFUSED(render({"--endoscope", "20", "--field", "170"}), "--field is '170'");
+  EXPECT_REFUSED(render({"--endoscope", "20", "--lens", "-0.25"}), "--lens is '-0.25'");
+  EXPECT_REFUSED(render({"--endoscope", "20", "--lens", "-3,0"}), "folds back within 70 degrees");
+  EXPECT_REFUSED(render({"--endoscope", "20", "--lens", "none.yml"}), "none.yml");
+  EXPECT_REFUSED(render({"--endoscope", "20", "--lens", "none.yml", "--field", "60"}), "whose field it is");
+  EXPECT_REFUSED(render({"--endoscope", "20", "--zoom", "2"}), "--zoom is for pictures without an endoscope");
+  EXPECT_REFUSED(render({"--endoscope", "20", "--at", "90,5,5"}), "axis meets no tissue");
+  EXPECT_REFUSED(render({"--at", "1,2"}), "--at is '1,2'");
+  EXPECT_REFUSED(render({"--field", "60"}), "give --endoscope MM too");
+  EXPECT_REFUSED(render({"--lens", "0,0"}), "give --endoscope MM too");
+}
+
 TEST_F(Render, TakesTheEngineThatIsAskedFor) {
   const auto made_by = [&](const Arguments& engine) {
     Arguments arguments{"sim",   "render", "ct.nrrd",  "--mesh",  "cube.msh", "--size",

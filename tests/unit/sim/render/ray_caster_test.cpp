@@ -158,6 +158,7 @@ Scene through_endoscope(const Shown& shown, Scene scene, double distance_m) {
 TEST(RayCaster, DrawsWhatAnEndoscopeShowsAsOpenGlDoes) {
   for (const Shown& shown : {bent_body(), cut_body()}) {
     for (const double distance_m : {0.03, 0.012}) {
+      SCOPED_TRACE(distance_m);
       expect_alike(organ_ct(), "liver", shown, through_endoscope(shown, view_of(shown.mesh), distance_m));
       expect_alike(lung_ct(), "lung", shown, through_endoscope(shown, view_of(shown.mesh), distance_m));
     }
