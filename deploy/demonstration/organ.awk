@@ -17,7 +17,7 @@ function hounsfield(x, y, z,   thin, share, lobe, notch) {
   thin = (x + 75) / 150
   # A voxel at the surface holds some of both sides, as in every CT.
   share = (1 - sqrt((x / 80) ^ 2 + (y / (48 - 26 * thin)) ^ 2 + (z / (44 - 22 * thin)) ^ 2)) * 7 + 0.5
-  lobe = (1 - sqrt(((x + 42) / 22) ^ 2 + (y / 26) ^ 2 + ((z - 34) / 24) ^ 2)) * 5 + 0.5
+  lobe = (1 - sqrt(((x + 50) / 20) ^ 2 + (y / 24) ^ 2 + ((z - 33) / 23) ^ 2)) * 5 + 0.5
   if (lobe > share) share = lobe
   notch = (sqrt(((x - 40) / 15) ^ 2 + ((z + 30) / 18) ^ 2) - 1) * 4 + 0.5
   if (notch < share) share = notch

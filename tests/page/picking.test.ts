@@ -62,11 +62,11 @@ const ask = (path: string, body: unknown) =>
 /** All over the organ as it is seen from there. */
 const kPlaces: Place[] = [
   { x: 0.3, y: 0.5 },
-  { x: 0.42, y: 0.38 },
+  { x: 0.42, y: 0.42 },
   { x: 0.45, y: 0.62 },
   { x: 0.56, y: 0.44 },
   { x: 0.62, y: 0.55 },
-  { x: 0.7, y: 0.5 },
+  { x: 0.7, y: 0.55 },
   { x: 0.36, y: 0.56 },
   { x: 0.5, y: 0.5 },
 ];
