@@ -78,7 +78,7 @@ struct ProcedureMessage {
   bool names_resources = false;  // of SIU: rooms, services or persons, or what is taken out of them
   bool leaves_unnamed = false;   // of kNothing: somebody left or departed whom it does not name
   bool registers = false;        // of `moves`: where a stay is registered, and not that somebody went there:
-                           // ADT^A01, A04, A06, A07, A13, A22, A52
+                                 // ADT^A01, A04, A06, A07, A13, A22, A52
   Assigner placer_by = {}, filler_by = {};  // of the numbers of the appointment
   bool names_rooms = false;  // of SIU: rooms (AIL), or what is taken out of them: PV1 says nothing of them
   bool is_status_unclear = false;  // of SIU: SCH-25 says neither that it is booked nor that it is not

@@ -46,9 +46,10 @@ TEST_F(StoredCases, KnowWhatLiesUnderALockThatCounts) {
 
 TEST_F(StoredCases, TellWhenTheAppliancesLogCameLast) {
   EXPECT_FALSE(log_came_last(store_, "or-1"));
-  server_.answer_with(list_of_versions(version("or-1/growing/log/000000000000", "v1", true, "2026-11-29T16:45:00Z") +
-                              version("or-1/growing/log/000000000099", "v1", true, "2026-11-29T16:46:00Z") +
-                              version("or-1/growing/log/000000000100", "v1", true, "2026-11-29T16:44:00Z")));
+  server_.answer_with(
+      list_of_versions(version("or-1/growing/log/000000000000", "v1", true, "2026-11-29T16:45:00Z") +
+                       version("or-1/growing/log/000000000099", "v1", true, "2026-11-29T16:46:00Z") +
+                       version("or-1/growing/log/000000000100", "v1", true, "2026-11-29T16:44:00Z")));
   EXPECT_EQ(log_came_last(store_, "or-1"), parse_utc("2026-11-29T16:46:00Z"));
   EXPECT_THAT(server_.last_request(), ::testing::HasSubstr("prefix=or-1%2Fgrowing%2Flog%2F"));
 }
