@@ -182,14 +182,17 @@ void allow_network(Filter& filter) {
   // Among the refused: netlink, by which the C library would list interfaces, and local sockets.
   filter.refuse_if("socket", EACCES, equal(0, AF_NETLINK));
   filter.refuse_if("socket", EACCES, equal(0, AF_UNIX));
-  filter.allow({"connect", "bind", "listen", "accept", "accept4", "getsockname", "getpeername", "setsockopt",
-                "getsockopt", "sendmsg", "recvmsg", "sendmmsg", "recvmmsg", "epoll_create", "epoll_create1",
-                "epoll_ctl", "epoll_wait", "epoll_pwait", "eventfd2"});
+  filter.allow({"connect", "bind", "getsockname", "getpeername", "setsockopt", "getsockopt", "sendmsg",
+                "recvmsg", "sendmmsg", "recvmmsg", "epoll_create", "epoll_create1", "epoll_ctl", "epoll_wait",
+                "epoll_pwait", "eventfd2"});
   filter.allow_if("sendto", {4, SCMP_CMP_NE, 0, 0});
   constexpr std::uint64_t kCommand = 0xffff'ffff;
   filter.allow_if("ioctl", masked(1, kCommand, 0x5421));  // FIONBIO
   filter.allow_if("ioctl", masked(1, kCommand, 0x541B));  // FIONREAD
 }
+
+/// Else no other program's port is taken in its place, as that of monitors while nobody waits there.
+void allow_connections(Filter& filter) { filter.allow({"listen", "accept", "accept4"}); }
 
 /// V4L2's calls have 'V' as their type (ioctl(2), linux/videodev2.h).
 void allow_device(Filter& filter) { filter.allow_if("ioctl", masked(1, 0xff00, std::uint64_t{'V'} << 8)); }
@@ -226,7 +229,8 @@ void limit_process(unsigned processor_seconds) {
 void close_box(BoxNeeds needs) {
   Filter filter;
   allow_common(filter);
-  if (needs == BoxNeeds::kNetwork) allow_network(filter);
+  if (needs == BoxNeeds::kNetwork || needs == BoxNeeds::kServer) allow_network(filter);
+  if (needs == BoxNeeds::kServer) allow_connections(filter);
   if (needs == BoxNeeds::kDevice) allow_device(filter);
   filter.load();
 }

@@ -33,8 +33,15 @@ constexpr std::uint32_t number(Kind kind) {
   return static_cast<std::uint32_t>(kind);
 }
 
-media::BoxNeeds needs_of(SourceKind kind) {
-  if (kind == SourceKind::kNetwork) return media::BoxNeeds::kNetwork;
+media::BoxNeeds needs_of(const SourceAddress& address) {
+  const SourceKind kind = address.kind;
+  if (kind == SourceKind::kNetwork) {
+    // "tcp://0.0.0.0:9000?listen=1": the camera connects to the recorder.
+    const std::size_t query = address.location.find('?');
+    const bool listens =
+        query != std::string::npos && address.location.find("listen", query) != std::string::npos;
+    return listens ? media::BoxNeeds::kServer : media::BoxNeeds::kNetwork;
+  }
   return kind == SourceKind::kDevice ? media::BoxNeeds::kDevice : media::BoxNeeds::kNothing;
 }
 
@@ -81,7 +88,7 @@ class SourceBox {
     address.stated = asked.at("stated");
     address.options = asked.at("options").get<std::map<std::string, std::string>>();
     clock_ = CaseClock(asked.at("zero_ns").get<std::int64_t>());
-    hooks_.close = [kind = address.kind] { media::close_box(needs_of(kind)); };
+    hooks_.close = [needs = needs_of(address)] { media::close_box(needs); };
     hooks_.lend = [this](AVCodecContext& codec) { lender_.lend_to(codec); };
     hooks_.make_packet = [this](AVPacket& packet, int bytes) { return make_packet(packet, bytes); };
     OpeningTerms terms;

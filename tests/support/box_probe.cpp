@@ -1,5 +1,5 @@
 // Tries to get out of a box: closes it as the decoder does, then makes one call.
-//   box_probe nothing|network|device CALL
+//   box_probe nothing|network|server|device CALL
 // Exit status: 0 the call was done, 10 the kernel refused it, 3 there is no such call here; a call that is
 // not on the list ends the process by SIGSYS. "self" tells what the process has become, on standard output.
 
@@ -97,6 +97,7 @@ const std::map<std::string, std::function<long()>>& calls() {
       {"mkdir", [] { return ::mkdir("/tmp/kiroku-box-probe-folder", 0700); }},
       {"chmod", [] { return ::chmod("/tmp", 01777); }},
       {"socket", [] { return ::socket(AF_INET, SOCK_STREAM, 0); }},
+      {"waiting for connections", [] { return ::listen(::socket(AF_INET, SOCK_STREAM, 0), 1); }},
       {"local socket", [] { return ::socket(AF_UNIX, SOCK_STREAM, 0); }},
       {"netlink", [] { return ::socket(AF_NETLINK, SOCK_RAW, 0); }},
       {"raw socket", [] { return ::socket(AF_PACKET, SOCK_RAW, 0); }},
@@ -145,6 +146,7 @@ int main(int argc, char** argv) {
   const auto found = calls().find(name);
   if (found == calls().end()) return 2;
   kiroku::media::close_box(needs == "network"  ? BoxNeeds::kNetwork
+                           : needs == "server" ? BoxNeeds::kServer
                            : needs == "device" ? BoxNeeds::kDevice
                                                : BoxNeeds::kNothing);
   errno = 0;

@@ -86,6 +86,12 @@ TEST(BoxAttack, TheNetworkIsThereForSourcesOfTheNetworkAlone) {
   expect_stopped("device", "socket");
 }
 
+// Who decodes a camera's pictures does not sit down at the port of a monitor that nobody waits for just then.
+TEST(BoxAttack, NobodyConnectsToADecoderThatWasNotToldToWait) {
+  EXPECT_EQ(try_to("server", "waiting for connections"), kDone);
+  expect_stopped("network", "waiting for connections");
+}
+
 TEST(BoxAttack, ADecoderCanStillDecode) {
   for (const char* needs : {"nothing", "network", "device"}) {
     for (const char* call : {"thread", "memory", "clock", "name of its thread"})
