@@ -5,6 +5,7 @@
 #include <iostream>
 #include <memory>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -170,24 +171,29 @@ search::SearchWords words_of(const Request& request) {
 
 struct Searched {
   std::vector<fleet::FleetCase> found;
-  bool ended = true;  // every case was looked at
+  bool is_all = true;  // no more cases fit
   std::uint64_t looked_at = 0, without_note = 0, foreign = 0;
 };
 
-/// Cases that fit what is asked for, up to the query's limit. The database is asked for notes alone.
+/// Cases that fit what is asked for, up to the query's limit. All notes are read, whatever is found: where
+/// reading ended, or went on from, would tell the database which case it was.
 Searched search_cases(fleet::FleetCatalogue& catalogue, fleet::CaseQuery query, search::NoteReader& reader,
                       const search::SearchWords& words) {
   constexpr std::size_t kAtOnce = 2000;
   const std::size_t most = std::exchange(query.limit, kAtOnce);
+  const std::optional<fleet::CaseQuery::Place> after = std::exchange(query.after, std::nullopt);
   query.with_notes = true;
+  const auto place_of = [](const fleet::FleetCase& one) {
+    return fleet::CaseQuery::Place{one.row.opened, one.appliance, one.row.case_id};
+  };
+  const auto is_before = [](const fleet::CaseQuery::Place& one, const fleet::CaseQuery::Place& other) {
+    return std::tie(one.opened, one.appliance, one.case_id) <
+           std::tie(other.opened, other.appliance, other.case_id);
+  };
   Searched result;
   while (true) {
     const std::vector<fleet::FleetCase> page = catalogue.find(query);
     for (const fleet::FleetCase& each : page) {
-      if (result.found.size() == most) {
-        result.ended = false;
-        return result;
-      }
       ++result.looked_at;
       if (!each.search_note) {
         ++result.without_note;
@@ -198,11 +204,16 @@ Searched search_cases(fleet::FleetCatalogue& catalogue, fleet::CaseQuery query, 
       const Answer answer =
           note ? reader.read(each.appliance, each.row.case_id, *note, words) : Answer::kForeign;
       if (answer == Answer::kForeign) ++result.foreign;
-      if (answer == Answer::kFits) result.found.push_back(each);
+      // Newest first.
+      if (answer != Answer::kFits || (after && !is_before(place_of(each), *after))) continue;
+      if (result.found.size() < most) {
+        result.found.push_back(each);
+      } else {
+        result.is_all = false;
+      }
     }
     if (page.size() < kAtOnce) return result;
-    const fleet::FleetCase& last = page.back();
-    query.after = fleet::CaseQuery::Place{last.row.opened, last.appliance, last.row.case_id};
+    query.after = place_of(page.back());
   }
 }
 
@@ -229,7 +240,7 @@ int cases(const Request& request) {
     searched = search_cases(catalogue, query, reader, words);
   }
   const std::vector<fleet::FleetCase> found = searched ? searched->found : catalogue.find(query);
-  const bool may_be_more = searched ? !searched->ended : found.size() == query.limit;
+  const bool may_be_more = searched ? !searched->is_all : found.size() == query.limit;
   const std::optional<std::string> next =
       may_be_more ? std::optional(page_place(found.back())) : std::nullopt;
   if (request.json) {
