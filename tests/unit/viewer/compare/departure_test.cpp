@@ -282,6 +282,81 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
   EXPECT_THAT(comparison_html(comparison, plan_, {}, {}), HasSubstr("by up to"));
 }
 
+/// A fit of which each node is known to 2 mm, and a plan that lifts the whole organ by a centimetre.
+struct Fitted {
+  sim::OrganSurface surface = sim::organ_surface(test::liver_like_mesh({8, 3, 6}));
+  sim::DrawnSurface drawn = sim::drawn_surface(surface, kMostDeformedNodes);
+  sim::DeformedMoment moment;
+  PlannedShapes::Shape planned;
+
+  Fitted() {
+    const std::size_t nodes = surface.nodes.size();
+    moment.why = sim::WhyRigid::kDeformed;
+    moment.displacement_m.assign(nodes, {0, 0.001, 0.01});
+    moment.error_m.assign(nodes, 0.002F);
+    moment.told.assign(nodes, true);
+    planned.why = WhyNoDeparture::kCompared;
+    planned.moment = {1, 0.5, false};
+    planned.displacement_m.assign(nodes, {0, 0, 0.01});
+  }
+  [[nodiscard]] Departure departure() const { return departure_of(moment, planned, drawn); }
+};
+
+TEST(DepartureOf, IsNoneWithinTwoStandardErrorsOfThePlanHoweverFarFromRest) {
+  const Departure one = Fitted().departure();
+  ASSERT_TRUE(one.compared());
+  EXPECT_FALSE(one.departed());
+  EXPECT_EQ(one.moment->step, 1U);
+  EXPECT_EQ(one.told, 1);
+  EXPECT_EQ(one.beyond, 0);
+  EXPECT_NEAR(one.standard_error_m, 0.002, 1e-8);
+  EXPECT_EQ(std::ranges::count(one.beyond_m, 0.0F), std::ssize(one.beyond_m));
+}
+
+TEST(DepartureOf, LiesWhereAnotherPlaceWasPulled) {
+  Fitted fitted;
+  const sim::Vector3 spot_m = fitted.surface.nodes[7];
+  std::size_t pulled = 0;
+  for (std::size_t node = 0; node < fitted.surface.nodes.size(); ++node) {
+    const double away = (fitted.surface.nodes[node] - spot_m).norm() / 0.03;
+    const sim::Vector3 more(0.015 * std::exp(-away * away), 0, 0);
+    fitted.moment.displacement_m[node] = fitted.planned.displacement_m[node] + more;
+    if (more.norm() > 0.00401) ++pulled;
+  }
+  const Departure one = fitted.departure();
+  EXPECT_TRUE(one.departed());
+  EXPECT_NEAR(one.largest_m, 0.015, 1e-8);
+  EXPECT_NEAR(one.largest_error_m, 0.002, 1e-8);
+  EXPECT_NEAR(one.beyond_m[7], 0.015, 1e-8);
+  EXPECT_NEAR(one.beyond * double(one.beyond_m.size()), double(pulled), 1.5);
+  // What is not told says nothing, however far it seems to be.
+  fitted.moment.told.assign(fitted.moment.told.size(), false);
+  EXPECT_EQ(fitted.departure().why, WhyNoDeparture::kUntold);
+  fitted.moment.told.assign(fitted.moment.told.size(), true);
+  fitted.moment.told[7] = false;
+  EXPECT_EQ(fitted.departure().beyond_m[7], 0);
+  EXPECT_LT(fitted.departure().largest_m, 0.015);
+}
+
+TEST(DepartureOf, IsOnlyToldOfAShapeThatIsKnownAndAMomentOfThePlan) {
+  Fitted fitted;
+  fitted.moment.why = sim::WhyRigid::kWithinError;
+  EXPECT_TRUE(fitted.departure().compared())
+      << "that the organ rests is seen: the plan may have it elsewhere";
+  for (const sim::WhyRigid why : {sim::WhyRigid::kAtRest, sim::WhyRigid::kMoved, sim::WhyRigid::kUnseen,
+                                  sim::WhyRigid::kUnfitted, sim::WhyRigid::kNotBetter}) {
+    fitted.moment.why = why;
+    EXPECT_EQ(fitted.departure().why, WhyNoDeparture::kNoShape) << sim::name_of(why);
+  }
+  fitted.moment.why = sim::WhyRigid::kDeformed;
+  for (const WhyNoDeparture why : {WhyNoDeparture::kNoMoment, WhyNoDeparture::kCut}) {
+    fitted.planned.why = why;
+    fitted.planned.displacement_m.clear();
+    EXPECT_EQ(fitted.departure().why, why);
+    EXPECT_EQ(fitted.departure().moment.has_value(), why == WhyNoDeparture::kCut);
+  }
+}
+
 TEST(TimeMapDuring, HasAMomentOnlyWhileAStepIsDone) {
   const std::vector<PlannedStep> steps{{"a", 0, 1}, {"b", 1, 1}};
   StepMatching matching;
