@@ -20,7 +20,7 @@
 #include "viewer/compare/comparison_document.h"
 #include "viewer/compare/paired_pictures.h"
 
-namespace kiroku::compare {
+namespace kiroku::compare::departures {
 namespace {
 
 using test::EndoscopeScene;
@@ -29,8 +29,8 @@ using testing::HasSubstr;
 constexpr int kPictures = 10;  // a second
 constexpr std::int64_t kTenthNs = kSecond / kPictures;
 /// The plan waits, presses the left lobe up from below, and holds it.
-constexpr double kWaitsS = 0.4, kPressesS = 0.6, kHoldsS = 0.6;
-constexpr int kCount = 16;
+constexpr double kWaitsS = 0.4, kPressesS = 0.6, kHoldsS = 0.4;
+constexpr int kCount = 14;
 constexpr double kPressedMm = 14;
 
 class DepartureFromPlan : public testing::Test {
@@ -42,7 +42,7 @@ class DepartureFromPlan : public testing::Test {
       if ((mesh_.nodes[node] - test::Held{}.middle_m).norm() < test::Held{}.radius_m) held.push_back(node);
     }
     const sim::Vector3 below_mm = 1000 * below_m({0.045, 0, 0});
-    constexpr double kRadiusMm = 8;
+    constexpr double kRadiusMm = 20;
     const auto at = [&](double up_mm) {
       return nlohmann::json{below_mm.x(), below_mm.y(), below_mm.z() - kRadiusMm - 1 + up_mm};
     };
@@ -119,7 +119,7 @@ class DepartureFromPlan : public testing::Test {
       StepMatch& one = by_hand.steps->emplace_back();
       one.step = step;
       one.span = {std::llround(at_s[step] * kSecond),
-                  std::min(done_until_ns, std::llround(at_s[step + 1] * kSecond))};
+                  std::min<std::int64_t>(done_until_ns, std::llround(at_s[step + 1] * kSecond))};
     }
     Comparison comparison = compare(recording, reader_.identities, "endoscope", plan_, by_hand, {});
     const PlannedShapes planned(comparison.map, *frames_);
@@ -139,41 +139,60 @@ class DepartureFromPlan : public testing::Test {
 };
 
 TEST_F(DepartureFromPlan, IsWithinTwoStandardErrorsWhereTheOrganDoesWhatIsPlanned) {
-  ASSERT_GT(test::PulledOrgan::farthest(planned_m(kCount - 1)), 0.010) << "the plan must do something";
+  ASSERT_GT(test::PulledOrgan::farthest(planned_m(kCount - 1)), 0.008) << "the plan must do something";
   const archive::CaseReader recording = record();
-  const Comparison comparison = compared(recording, 2 * kSecond);
+  // The last step was ended early: nothing is planned for the pictures after that.
+  constexpr std::int64_t kUntilNs = (kCount - 2) * kTenthNs;
+  const Comparison comparison = compared(recording, kUntilNs);
   const DeformedAlignment& found = *comparison.alignment->deformed;
   ASSERT_EQ(found.departures.size(), found.moments.size());
+  const auto document = nlohmann::json::parse(comparison_json(comparison, plan_, {}))["organ_alignment"];
   double told = 0, within = 0;
-  std::size_t compared = 0, deformed = 0;
+  std::size_t compared = 0, deformed = 0, without = 0;
   for (std::size_t i = 0; i < found.departures.size(); ++i) {
     const Departure& one = found.departures[i];
-    ASSERT_TRUE(one.moment) << i;
+    const bool in_plan = comparison.alignment->moments[i].time_ns < kUntilNs;
+    ASSERT_EQ(one.moment.has_value(), in_plan) << i;
+    std::cout << "picture " << i << ": " << sim::name_of(found.moments[i].why) << ", "
+              << sim::name_of(found.moments[i].unfitted) << ", " << name_of(one.why) << ", "
+              << 100 * one.beyond << " % beyond two errors of " << 1000 * one.standard_error_m
+              << " mm, up to " << 1000 * one.largest_m << " mm\n";
+    EXPECT_EQ(document["moments"][i].contains("departure"), one.compared()) << i;
+    if (!in_plan && one.why != WhyNoDeparture::kNoShape) {
+      EXPECT_EQ(document["moments"][i]["no_departure"], "no-plan-moment") << i;
+      ++without;
+    }
     if (!one.compared()) continue;
     ++compared;
     if (found.moments[i].deformed()) ++deformed;
     const double nodes = one.told * double(one.beyond_m.size());
     told += nodes;
     within += (1 - one.beyond) * nodes;
-    std::cout << "picture " << i << ": " << 100 * one.beyond << " % beyond two errors of "
-              << 1000 * one.standard_error_m << " mm, up to " << 1000 * one.largest_m << " mm\n";
   }
-  EXPECT_GE(compared, 8U);
-  EXPECT_GE(deformed, 4U) << "else the plan's own lifting was not measured";
-  EXPECT_GE(within, 0.95 * told);
   std::cout << 100 * within / told << " % of " << told << " told nodes within two standard errors\n";
+  EXPECT_GE(compared, 7U);
+  EXPECT_GE(deformed, 3U) << "else what the plan does was not measured";
+  EXPECT_GE(without, 1U);
+  EXPECT_GE(within, 0.95 * told);
 }
 
 TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
   const test::PulledOrgan organ({16, 5, 12});
   ASSERT_EQ(organ.mesh().nodes.size(), mesh_.nodes.size());
   constexpr double kPulledM = 0.015;
-  const sim::Vector3 spot_m = below_m({-0.055, 0, 0});
-  const Eigen::VectorXd more_m = organ.displacement_m(organ.force_n(spot_m, {-0.3, -0.2, -1}, kPulledM));
+  const sim::Vector3 spot_m = below_m({-0.01, 0, 0});
+  const Eigen::VectorXd more_m = organ.displacement_m(organ.force_n(spot_m, {0, -0.3, -1}, kPulledM));
   const archive::CaseReader recording = record(more_m);
   Comparison comparison = compared(recording, 2 * kSecond);
   const Alignment& alignment = *comparison.alignment;
   const DeformedAlignment& found = *alignment.deformed;
+  for (std::size_t i = 0; i < found.departures.size(); ++i) {
+    const Departure& one = found.departures[i];
+    std::cout << "picture " << i << ": " << sim::name_of(found.moments[i].why) << ", "
+              << sim::name_of(found.moments[i].unfitted) << ", " << 100 * one.beyond
+              << " % beyond two errors of " << 1000 * one.standard_error_m << " mm, up to "
+              << 1000 * one.largest_m << " mm\n";
+  }
   const Departure& last = found.departures.back();
   ASSERT_TRUE(last.compared()) << name_of(last.why) << ", " << sim::name_of(found.moments.back().why);
   ASSERT_TRUE(last.departed()) << last.beyond;
@@ -186,7 +205,9 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
   EXPECT_NEAR(last.largest_m, kPulledM, 3 * last.largest_error_m);
   // Where the plan presses, the recording does what is planned.
   for (std::size_t node = 0; node < last.beyond_m.size(); ++node) {
-    if (alignment.surface.nodes[node].x() > 0.05) EXPECT_EQ(last.beyond_m[node], 0) << node;
+    if (alignment.surface.nodes[node].x() > 0.05) {
+      EXPECT_EQ(last.beyond_m[node], 0) << node;
+    }
   }
 
   const std::vector<StepDeparture> steps = alignment.step_departures();
@@ -223,9 +244,9 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
 
   // On the film, and on the page for people.
   sim::Scene scene;
-  constexpr int kWidth = 320, kHeight = 240;
-  scene.width = kWidth;
-  scene.height = kHeight;
+  constexpr int kWide = 320, kHigh = 240;
+  scene.width = kWide;
+  scene.height = kHigh;
   scene.background = {0, 0, 0};
   const sim::Vector3 corner(0.09, 0.04, 0.06);
   const sim::Volume ct =
@@ -234,8 +255,8 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
                              std::make_shared<const sim::ShadedVolume>(sim::shade(ct, {-corner, corner})),
                              sim::find_transfer_function("liver"), sim::GpuUse::kOff, scene);
   CompositionForm form;
-  form.width = kWidth;
-  form.height = kHeight;
+  form.width = kWide;
+  form.height = kHigh;
   form.arrangement = Arrangement::kOverlay;
   form.share = 1;
   form.from_plan = true;
@@ -247,11 +268,11 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
   EXPECT_EQ(caption.scale_title, "mm from plan");
   int grey = 0, coloured_left = 0, coloured_right = 0;
   for (int y = 0; y < film.height; ++y) {
-    for (int x = 0; x < kWidth * 3 / 4; ++x) {  // beside the scale
+    for (int x = 0; x < kWide * 3 / 4; ++x) {  // beside the scale
       const std::uint8_t* const pixel = film.pixel(x, y);
       if (pixel[0] == 150 && pixel[1] == 150 && pixel[2] == 150) ++grey;
       const bool green = pixel[1] > pixel[0] + 30 && pixel[1] > 100;
-      if (green) ++(x < kWidth / 2 ? coloured_left : coloured_right);
+      if (green) ++(x < kWide / 2 ? coloured_left : coloured_right);
     }
   }
   EXPECT_GT(grey, 2000);
@@ -261,30 +282,89 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
   EXPECT_THAT(comparison_html(comparison, plan_, {}, {}), HasSubstr("by up to"));
 }
 
-TEST_F(DepartureFromPlan, IsNotToldWhereThePlanHasNoMoment) {
-  const archive::CaseReader recording = record();
-  // The last step was ended early: nothing is planned for the pictures after that.
-  const std::int64_t until_ns = 12 * kTenthNs;
-  const Comparison comparison = compared(recording, until_ns);
-  const auto told = nlohmann::json::parse(comparison_json(comparison, plan_, {}))["organ_alignment"];
-  std::size_t without = 0;
-  for (std::size_t i = 0; i < comparison.alignment->moments.size(); ++i) {
-    const bool in_plan = comparison.alignment->moments[i].time_ns < until_ns;
-    EXPECT_EQ(comparison.alignment->deformed->departures[i].moment.has_value(), in_plan) << i;
-    if (in_plan) continue;
-    EXPECT_FALSE(told["moments"][i].contains("departure"));
-    if (told["moments"][i].contains("deformed")) {
-      EXPECT_EQ(told["moments"][i]["no_departure"], "no-plan-moment");
-      ++without;
-    }
+/// A fit of which each node is known to 2 mm, and a plan that lifts the whole organ by a centimetre.
+struct Fitted {
+  sim::OrganSurface surface = sim::organ_surface(test::liver_like_mesh({8, 3, 6}));
+  sim::DrawnSurface drawn = sim::drawn_surface(surface, kMostDeformedNodes);
+  sim::DeformedMoment moment;
+  PlannedShapes::Shape planned;
+
+  Fitted() {
+    const std::size_t nodes = surface.nodes.size();
+    moment.why = sim::WhyRigid::kDeformed;
+    moment.displacement_m.assign(nodes, {0, 0.001, 0.01});
+    moment.error_m.assign(nodes, 0.002F);
+    moment.told.assign(nodes, true);
+    planned.why = WhyNoDeparture::kCompared;
+    planned.moment = {1, 0.5, false};
+    planned.displacement_m.assign(nodes, {0, 0, 0.01});
   }
-  EXPECT_GE(without, 2U);
+  [[nodiscard]] Departure departure() const { return departure_of(moment, planned, drawn); }
+};
+
+TEST(DepartureOf, IsNoneWithinTwoStandardErrorsOfThePlanHoweverFarFromRest) {
+  const Departure one = Fitted().departure();
+  ASSERT_TRUE(one.compared());
+  EXPECT_FALSE(one.departed());
+  EXPECT_EQ(one.moment->step, 1U);
+  EXPECT_EQ(one.told, 1);
+  EXPECT_EQ(one.beyond, 0);
+  EXPECT_NEAR(one.standard_error_m, 0.002, 1e-8);
+  EXPECT_EQ(std::ranges::count(one.beyond_m, 0.0F), std::ssize(one.beyond_m));
+}
+
+TEST(DepartureOf, LiesWhereAnotherPlaceWasPulled) {
+  Fitted fitted;
+  const sim::Vector3 spot_m = fitted.surface.nodes[7];
+  std::size_t pulled = 0;
+  for (std::size_t node = 0; node < fitted.surface.nodes.size(); ++node) {
+    const double away = (fitted.surface.nodes[node] - spot_m).norm() / 0.03;
+    const sim::Vector3 more(0.015 * std::exp(-away * away), 0, 0);
+    fitted.moment.displacement_m[node] = fitted.planned.displacement_m[node] + more;
+    if (more.norm() > 0.00401) ++pulled;
+  }
+  const Departure one = fitted.departure();
+  EXPECT_TRUE(one.departed());
+  EXPECT_NEAR(one.largest_m, 0.015, 1e-8);
+  EXPECT_NEAR(one.largest_error_m, 0.002, 1e-8);
+  EXPECT_NEAR(one.beyond_m[7], 0.015, 1e-8);
+  EXPECT_NEAR(one.beyond * double(one.beyond_m.size()), double(pulled), 1.5);
+  // What is not told says nothing, however far it seems to be.
+  fitted.moment.told.assign(fitted.moment.told.size(), false);
+  EXPECT_EQ(fitted.departure().why, WhyNoDeparture::kUntold);
+  fitted.moment.told.assign(fitted.moment.told.size(), true);
+  fitted.moment.told[7] = false;
+  EXPECT_EQ(fitted.departure().beyond_m[7], 0);
+  EXPECT_LT(fitted.departure().largest_m, 0.015);
+}
+
+TEST(DepartureOf, IsOnlyToldOfAShapeThatIsKnownAndAMomentOfThePlan) {
+  Fitted fitted;
+  fitted.moment.why = sim::WhyRigid::kWithinError;
+  EXPECT_TRUE(fitted.departure().compared())
+      << "that the organ rests is seen: the plan may have it elsewhere";
+  for (const sim::WhyRigid why : {sim::WhyRigid::kAtRest, sim::WhyRigid::kMoved, sim::WhyRigid::kUnseen,
+                                  sim::WhyRigid::kUnfitted, sim::WhyRigid::kNotBetter}) {
+    fitted.moment.why = why;
+    EXPECT_EQ(fitted.departure().why, WhyNoDeparture::kNoShape) << sim::name_of(why);
+  }
+  fitted.moment.why = sim::WhyRigid::kDeformed;
+  for (const WhyNoDeparture why : {WhyNoDeparture::kNoMoment, WhyNoDeparture::kCut}) {
+    fitted.planned.why = why;
+    fitted.planned.displacement_m.clear();
+    EXPECT_EQ(fitted.departure().why, why);
+    EXPECT_EQ(fitted.departure().moment.has_value(), why == WhyNoDeparture::kCut);
+  }
 }
 
 TEST(TimeMapDuring, HasAMomentOnlyWhileAStepIsDone) {
   const std::vector<PlannedStep> steps{{"a", 0, 1}, {"b", 1, 1}};
   StepMatching matching;
-  matching.matches = {{.step = 0, .span = {10, 20}}, {.step = 1, .span = {30, 50}, .pauses = {{35, 40}}}};
+  matching.matches.resize(2);
+  matching.matches[0].span = {10, 20};
+  matching.matches[1].step = 1;
+  matching.matches[1].span = {30, 50};
+  matching.matches[1].pauses = {{35, 40}};
   const TimeMap map(steps, matching);
   EXPECT_FALSE(map.during(9));
   EXPECT_EQ(map.during(10)->step, 0U);
@@ -296,4 +376,4 @@ TEST(TimeMapDuring, HasAMomentOnlyWhileAStepIsDone) {
 }
 
 }  // namespace
-}  // namespace kiroku::compare
+}  // namespace kiroku::compare::departures
