@@ -317,7 +317,7 @@ def another_device_states_what_a_lost_appliance_shipped(appliance, store):
     toml = other.home / "kiroku.toml"
     toml.write_text(toml.read_text(encoding="utf-8").replace('appliance = "or-1"', 'appliance = "or-2"'), encoding="utf-8")
     closed = appliance.recorded(2)
-    recording = appliance.record(30)
+    recording = appliance.record(600)  # it is killed
     known = set(store.versions("recordings"))
     following = subprocess.Popen(appliance.command("ship", "--follow"), env=appliance.environment, stdout=subprocess.DEVNULL,
                                  stderr=subprocess.DEVNULL)
