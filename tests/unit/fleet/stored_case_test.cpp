@@ -25,7 +25,7 @@ std::string listing(const std::string& inside) {
 class StoredCases : public ::testing::Test {
  protected:
   test::ScriptedServer server_{listing("")};
-  ObjectStore store_{{server_.url(), "recordings", "us-east-1", {}},
+  ObjectStore store_{{"http://127.0.0.1:" + std::to_string(server_.port()), "recordings", "us-east-1", {}},
                      {"or-1-key", crypto::Secret::copy_of("not to be told")}};
 };
 
