@@ -695,7 +695,7 @@ TEST(StreamRules, SegmentsWithoutAPictureAddUp) {
   EXPECT_THAT(codes_of_blind(kSecond, 17 * kSecond, {{10 * kSecond, 11 * kSecond}}), are_empty);
   EXPECT_THAT(codes_of_blind(kSecond, 17 * kSecond, {{10 * kSecond, 12 * kSecond}}), IsEmpty());
   std::vector<Span> gaps;
-  for (std::int64_t at = 10'000; at < 16'000; ++at) gaps.push_back({at * kMs, at * kMs});
+  for (std::int64_t at = 10'000; at < 16'000; at += 20) gaps.push_back({at * kMs, at * kMs});
   EXPECT_THAT(codes_of_blind(kSecond, 16 * kSecond, gaps), are_empty) << "gaps of no length";
 }
 
