@@ -148,8 +148,9 @@ ProcedureBook::Likeness ProcedureBook::likeness(const ProcedureMessage& one, con
   }
   const bool same_birth = !births_differ && !born.empty() && !others.empty();
   // Another system's number without an issuer, and another name, are hardly of the same patient.
-  const bool is_perhaps_another = !has_issuer && one.sender != other.sender && !same_birth &&
-                                  is_another_name(one.data.patient, other.data.patient);
+  const bool has_two_senders = !one.sender.empty() && !other.sender.empty() && one.sender != other.sender;
+  const bool is_perhaps_another =
+      !has_issuer && has_two_senders && !same_birth && is_another_name(one.data.patient, other.data.patient);
   if (is_same_number && is_perhaps_another) return Likeness::kPerhaps;
   if (is_same_number && !is_apart) return Likeness::kSure;
   const bool same_name = !one.data.patient.empty() && one.data.patient == other.data.patient;
@@ -1545,8 +1546,14 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
   const Kept* only_unclear = nullptr;        // of whoever is here
   PlannedHere only_unclear_here{};
   std::size_t unclear_count = 0;
+  std::vector<const Kept*> over_since;  // the case began
   for (const auto& [appointment, kept] : appointments_) {
-    if (!concerns(rule, kept.message) || is_over(kept, at)) continue;
+    if (!concerns(rule, kept.message)) continue;
+    if (kept.message.is_over) {
+      const bool is_near = is_within(planned_here(rule, kept, at).time, at.utc, rule.window);
+      if (!is_over(kept, at) && is_near) over_since.push_back(&kept);
+      continue;
+    }
     const bool is_in_doubt = kept.doubt != Doubt::kNone;
     if (here != nullptr && (is_in_doubt || kept.message.patient != here->message.patient)) continue;
     const PlannedHere its = planned_here(rule, kept, at);
@@ -1600,6 +1607,11 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
     if (plan.is_far_ahead) return {{}, Doubt::kTooEarly};
     if (standing(rule, *planned[*chosen], *times[*chosen], at, ended) == Standing::kDoubtful)
       return {{}, Doubt::kLeftAlready};
+    // Whose operation ended meanwhile may be whose it is.
+    const bool is_anothers = std::ranges::any_of(over_since, [&](const Kept* each) {
+      return likeness(each->message, planned[*chosen]->message) != Likeness::kSure;
+    });
+    if (is_anothers) return {{}, Doubt::kLeftMeanwhile};
     // The room may be late, and whoever was to come before may be there.
     for (std::size_t each = 0; each < times.size(); ++each) {
       const bool is_before = times[each] && *times[each] < *times[*chosen] &&

@@ -499,7 +499,7 @@ class Reader {
     const bool departs = is_one_of(event_, kDeparting), leaves = is_one_of(event_, kLeaving);
     const auto has_named = [&](std::size_t field) {
       const std::size_t before = out_.places.size();
-      add_place(visit.field(field), kPlaceComponents);
+      if (!visit.field(field).empty()) add_place(visit.field(field), kPlaceComponents);
       return out_.places.size() > before;
     };
     const bool is_elsewhere = has_named(11);

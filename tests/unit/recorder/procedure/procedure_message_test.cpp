@@ -192,8 +192,8 @@ TEST(ProcedureMessage, AnAppointmentsNumberIsOneOfWhoGaveIt) {
   EXPECT_EQ(one.placer_by, (Assigner{"EMR", ""}));
   EXPECT_TRUE(one.names_rooms);
   const auto same = [&](const ProcedureMessage& other) {
-    const std::optional<bool> same = same_number_of_appointment(one, other);
-    return !same ? "unknown" : *same ? "same" : "another";
+    const std::optional<bool> is_one = same_number_of_appointment(one, other);
+    return !is_one ? "unknown" : *is_one ? "same" : "another";
   };
   EXPECT_STREQ(same(with("P2", "F1^plan", "B")), "same");
   EXPECT_STREQ(same(with("", "F1^X^1.2^ISO", "B")), "same");
