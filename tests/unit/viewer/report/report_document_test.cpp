@@ -602,6 +602,24 @@ TEST_F(ReportDocument, OfAStreamThatIsShorterThanTheCaseDoesNotSayYes) {
   }
 }
 
+// Who reads that it is sealed does not look whether everybody can read it.
+TEST_F(ReportDocument, OfPatientDataInTheClearDoesNotSayThatTheyAreSealed) {
+  ReportInput in = input();
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("Patient data | sealed in the case"));
+  in.verification.findings.push_back(
+      {"subject-not-sealed", archive::Severity::kUnproven, "subject.json.age", {}, {}, "in the clear"});
+  EXPECT_THAT(test::text_of(make_report(in)),
+              HasSubstr("Patient data | said to be sealed in the case, and its file is no sealed one"));
+}
+
+TEST_F(ReportDocument, OfFilmThatIsNotThereDoesNotSayThatItHasNoBreak) {
+  ReportInput in = input();
+  in.verification.findings.push_back(
+      {"segments-empty", archive::Severity::kUnproven, {}, {}, {}, "a minute without a frame"});
+  EXPECT_THAT(test::text_of(make_report(in)),
+              HasSubstr("Was it recorded without a break from beginning to end? | ! Could not be checked"));
+}
+
 // "Yes, with stated gaps" would be the answer where the gaps are all there is.
 TEST_F(ReportDocument, OfACaseInWhichNothingWasRecordedDoesNotSayYes) {
   const std::string asked = "Was it recorded without a break from beginning to end? | ";
