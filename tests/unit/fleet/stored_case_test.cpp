@@ -16,7 +16,7 @@ std::string version(const std::string& key, const std::string& id, bool newest, 
          "</LastModified></Version>";
 }
 
-std::string listing(const std::string& inside) {
+std::string versions_listed(const std::string& inside) {
   return test::http_answer(
       "200 OK", "application/xml",
       "<ListVersionsResult><IsTruncated>false</IsTruncated>" + inside + "</ListVersionsResult>");
@@ -24,7 +24,7 @@ std::string listing(const std::string& inside) {
 
 class StoredCases : public ::testing::Test {
  protected:
-  test::ScriptedServer server_{listing("")};
+  test::ScriptedServer server_{versions_listed("")};
   ObjectStore store_{{"http://127.0.0.1:" + std::to_string(server_.port()), "recordings", "us-east-1", {}},
                      {"or-1-key", crypto::Secret::copy_of("not to be told")}};
 };
@@ -46,9 +46,10 @@ TEST_F(StoredCases, KnowWhatLiesUnderALockThatCounts) {
 
 TEST_F(StoredCases, TellWhenTheAppliancesLogCameLast) {
   EXPECT_FALSE(log_came_last(store_, "or-1"));
-  server_.answer_with(listing(version("or-1/growing/log/000000000000", "v1", true, "2026-11-29T16:45:00Z") +
-                              version("or-1/growing/log/000000000099", "v1", true, "2026-11-29T16:46:00Z") +
-                              version("or-1/growing/log/000000000100", "v1", true, "2026-11-29T16:44:00Z")));
+  server_.answer_with(
+      versions_listed(version("or-1/growing/log/000000000000", "v1", true, "2026-11-29T16:45:00Z") +
+                      version("or-1/growing/log/000000000099", "v1", true, "2026-11-29T16:46:00Z") +
+                      version("or-1/growing/log/000000000100", "v1", true, "2026-11-29T16:44:00Z")));
   EXPECT_EQ(log_came_last(store_, "or-1"), parse_utc("2026-11-29T16:46:00Z"));
   EXPECT_THAT(server_.last_request(), ::testing::HasSubstr("prefix=or-1%2Fgrowing%2Flog%2F"));
 }
