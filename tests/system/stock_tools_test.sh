@@ -25,8 +25,9 @@ page=$source/docs/how-to/verify-with-stock-tools.md
 awk '/^```bash$/ { on = 1; next } /^```$/ { on = 0 } on' "$page" >"$scratch/verify.sh"
 awk '/^```bash excerpt$/ { on = 1; next } /^```$/ { on = 0 } on' "$page" >"$scratch/verify-excerpt.sh"
 lines=$(wc -l <"$scratch/verify.sh") excerpt_lines=$(wc -l <"$scratch/verify-excerpt.sh")
-((lines > 20 && lines <= 300)) || fail "the script for cases has $lines lines; it must have at most 300"
-((excerpt_lines > 20 && excerpt_lines <= 360)) || fail "the script for excerpts has $excerpt_lines lines; it must have at most 360"
+# People read them whole: a line more is a rule more, and none grows unseen.
+((lines > 20 && lines <= 320)) || fail "the script for cases has $lines lines; it must have at most 320"
+((excerpt_lines > 20 && excerpt_lines <= 385)) || fail "the script for excerpts has $excerpt_lines lines; it must have at most 385"
 
 "$kiroku" init --demo >/dev/null
 KIROKU_HOME=$scratch/other "$kiroku" init --demo >/dev/null
