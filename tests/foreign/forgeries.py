@@ -3921,7 +3921,7 @@ def more_statements_than_are_read(world):
     return given
 
 
-@reaches()
+@reaches("not-closed")
 def a_statement_of_another_name_is_none(world):
     return dataclasses.replace(refused_statement(world, lambda text: "x\n", name="notes.txt"), never=["store-statement-refused"])
 
