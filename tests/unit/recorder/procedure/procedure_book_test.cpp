@@ -294,6 +294,10 @@ TEST(ProcedureBook, BytesOfTheVersionsBeforeAreRead) {
   book.take(moved("1", "OR1"), kMorning);
   Bytes bytes = book.exported();
   constexpr std::size_t kCount = 8;  // bytes
+  // Nothing was recorded.
+  bytes.resize(bytes.size() - kCount);
+  bytes.at(0) = std::byte{6};
+  EXPECT_EQ(found(ProcedureBook::imported(bytes), kMorning), "1 ");
   // Nothing was lost, of two kinds; and of each patient stand there: three flags, two times, three texts,
   // a doubt, and empty lists of places and of visits.
   // Of the newest version nothing was recorded, and of each patient stand there: four texts of who gave a
