@@ -31,7 +31,7 @@ constexpr std::int64_t kTenthNs = kSecond / kPictures;
 /// The plan waits, presses the left lobe up from below, and holds it.
 constexpr double kWaitsS = 0.4, kPressesS = 0.6, kHoldsS = 0.4;
 constexpr int kCount = 14;
-constexpr double kPressedMm = 14;
+constexpr double kPressedMm = 11.5;
 
 class DepartureFromPlan : public testing::Test {
  protected:
@@ -171,7 +171,7 @@ TEST_F(DepartureFromPlan, IsWithinTwoStandardErrorsWhereTheOrganDoesWhatIsPlanne
   }
   std::cout << 100 * within / told << " % of " << told << " told nodes within two standard errors\n";
   EXPECT_GE(compared, 7U);
-  EXPECT_GE(deformed, 3U) << "else what the plan does was not measured";
+  EXPECT_GE(deformed, 2U) << "else what the plan does was not measured";
   EXPECT_GE(without, 1U);
   EXPECT_GE(within, 0.95 * told);
 }
@@ -341,8 +341,11 @@ TEST(DepartureOf, LiesWhereAnotherPlaceWasPulled) {
 TEST(DepartureOf, IsOnlyToldOfAShapeThatIsKnownAndAMomentOfThePlan) {
   Fitted fitted;
   fitted.moment.why = sim::WhyRigid::kWithinError;
-  EXPECT_TRUE(fitted.departure().compared())
-      << "that the organ rests is seen: the plan may have it elsewhere";
+  EXPECT_TRUE(fitted.departure().compared()) << "it agrees with the plan";
+  Fitted resting;
+  resting.moment.why = sim::WhyRigid::kWithinError;
+  resting.moment.displacement_m.assign(resting.moment.displacement_m.size(), sim::Vector3::Zero());
+  EXPECT_EQ(resting.departure().why, WhyNoDeparture::kUnsure) << "a fit that sees little says rest as well";
   for (const sim::WhyRigid why : {sim::WhyRigid::kAtRest, sim::WhyRigid::kMoved, sim::WhyRigid::kUnseen,
                                   sim::WhyRigid::kUnfitted, sim::WhyRigid::kNotBetter}) {
     fitted.moment.why = why;
