@@ -197,7 +197,7 @@ ordered_json departure_json(const Departure& departure, double scale_mm) {
                    {"told", rounded(departure.told, kHundredth)},
                    {"beyond", rounded(departure.beyond, kMmPerM)},
                    {"standard_error_mm", rounded(kMmPerM * departure.standard_error_m, kHundredth)}};
-  if (departure.beyond == 0) return one;
+  if (departure.largest_m == 0) return one;
   one["largest_mm"] = rounded(kMmPerM * departure.largest_m, kHundredth);
   one["largest_error_mm"] = rounded(kMmPerM * departure.largest_error_m, kHundredth);
   one["nodes"] = departures_text(departure.beyond_m, scale_mm);

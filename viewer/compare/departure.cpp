@@ -17,6 +17,8 @@ const char* name_of(WhyNoDeparture why) {
       return "plan-cut";
     case WhyNoDeparture::kUntold:
       return "untold";
+    case WhyNoDeparture::kUnsure:
+      return "unsure";
   }
   return "no-shape";
 }
@@ -33,6 +35,8 @@ std::string sentence_of(WhyNoDeparture why) {
       return "the plan has cut the organ by then";
     case WhyNoDeparture::kUntold:
       return "no place of the organ is known to 6 mm";
+    case WhyNoDeparture::kUnsure:
+      return "whether the organ rests or does what is planned cannot be told";
   }
   return "nothing is known";
 }
@@ -73,7 +77,7 @@ Departure departure_of(const sim::DeformedMoment& moment, const PlannedShapes::S
                        const sim::DrawnSurface& drawn) {
   Departure departure;
   if (planned.why != WhyNoDeparture::kNoMoment) departure.moment = planned.moment;
-  // What explains the picture no better than the rigid organ is no measurement. That it is at rest, is.
+  // What explains the picture no better than the rigid organ is no measurement.
   if (moment.why != sim::WhyRigid::kDeformed && moment.why != sim::WhyRigid::kWithinError) return departure;
   if (planned.why != WhyNoDeparture::kCompared) {
     departure.why = planned.why;
@@ -114,6 +118,10 @@ Departure departure_of(const sim::DeformedMoment& moment, const PlannedShapes::S
   departure.told = count / double(nodes);
   departure.beyond = beyond / count;
   departure.standard_error_m = std::sqrt(square / count);
+  if (moment.why != sim::WhyRigid::kWithinError) return departure;
+  departure.beyond_m.assign(departure.departed() ? 0 : nodes, 0);
+  departure.largest_m = departure.largest_error_m = 0;
+  if (departure.departed()) departure.why = WhyNoDeparture::kUnsure;
   return departure;
 }
 

@@ -20,6 +20,7 @@ enum class WhyNoDeparture {
   kNoMoment,  // the plan has no moment for this picture: no step is done
   kCut,       // the plan has cut the organ by then
   kUntold,    // no place of the organ is known well enough
+  kUnsure,    // the picture does not tell the organ at rest from what is planned
 };
 /// A word for documents: "no-plan-moment".
 const char* name_of(WhyNoDeparture why);
@@ -60,7 +61,8 @@ struct Departure {
   [[nodiscard]] bool departed() const { return compared() && beyond >= sim::DeformedTrack::kLeastBeyond; }
 };
 
-/// Of a fit that was not refused, and is better than the rigid organ or is rest within its error.
+/// Of a fit that was not refused, and is better than the rigid organ or is rest within its error. Rest within
+/// its error may agree with the plan, but tells no departure: a fit leans towards rest where it sees little.
 Departure departure_of(const sim::DeformedMoment& moment, const PlannedShapes::Shape& planned,
                        const sim::DrawnSurface& drawn);
 

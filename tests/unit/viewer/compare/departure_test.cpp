@@ -31,17 +31,17 @@ constexpr std::int64_t kTenthNs = kSecond / kPictures;
 /// The plan waits, presses the left lobe up from below, and holds it.
 constexpr double kWaitsS = 0.4, kPressesS = 0.6, kHoldsS = 0.4;
 constexpr int kCount = 14;
-constexpr double kPressedMm = 14;
 
 class DepartureFromPlan : public testing::Test {
  protected:
-  DepartureFromPlan() {
+  /// The finger presses from below there, so far up.
+  void plan(double press_x_m, double press_mm) {
     std::ofstream(folder_ / "liver.msh") << sim::msh_text(mesh_, sim::LengthUnit::kMillimetre);
     std::vector<std::size_t> held;
     for (std::size_t node = 0; node < mesh_.nodes.size(); ++node) {
       if ((mesh_.nodes[node] - test::Held{}.middle_m).norm() < test::Held{}.radius_m) held.push_back(node);
     }
-    const sim::Vector3 below_mm = 1000 * below_m({0.045, 0, 0});
+    const sim::Vector3 below_mm = 1000 * below_m({press_x_m, 0, 0});
     constexpr double kRadiusMm = 20;
     const auto at = [&](double up_mm) {
       return nlohmann::json{below_mm.x(), below_mm.y(), below_mm.z() - kRadiusMm - 1 + up_mm};
@@ -59,7 +59,7 @@ class DepartureFromPlan : public testing::Test {
         {{"do", "press"},
          {"name", "Lift"},
          {"tool", "finger"},
-         {"path", {{{"at_s", 0}, {"position", at(0)}}, {{"at_s", kPressesS}, {"position", at(kPressedMm)}}}}},
+         {"path", {{{"at_s", 0}, {"position", at(0)}}, {{"at_s", kPressesS}, {"position", at(press_mm)}}}}},
         {{"do", "hold"}, {"name", "Hold"}, {"duration_s", kHoldsS}}};
     std::ofstream(folder_ / "plan.json") << document;
     sim::PlanReading reading = sim::read_plan(folder_ / "plan.json");
@@ -139,6 +139,7 @@ class DepartureFromPlan : public testing::Test {
 };
 
 TEST_F(DepartureFromPlan, IsWithinTwoStandardErrorsWhereTheOrganDoesWhatIsPlanned) {
+  plan(0.045, 11.5);
   ASSERT_GT(test::PulledOrgan::farthest(planned_m(kCount - 1)), 0.008) << "the plan must do something";
   const archive::CaseReader recording = record();
   // The last step was ended early: nothing is planned for the pictures after that.
@@ -171,17 +172,19 @@ TEST_F(DepartureFromPlan, IsWithinTwoStandardErrorsWhereTheOrganDoesWhatIsPlanne
   }
   std::cout << 100 * within / told << " % of " << told << " told nodes within two standard errors\n";
   EXPECT_GE(compared, 7U);
-  EXPECT_GE(deformed, 3U) << "else what the plan does was not measured";
+  EXPECT_GE(deformed, 2U) << "else what the plan does was not measured";
   EXPECT_GE(without, 1U);
   EXPECT_GE(within, 0.95 * told);
 }
 
 TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
+  // The plan hardly touches the organ where it is held. Its left lobe is pulled instead.
+  plan(-0.03, 1.6);
   const test::PulledOrgan organ({16, 5, 12});
   ASSERT_EQ(organ.mesh().nodes.size(), mesh_.nodes.size());
   constexpr double kPulledM = 0.015;
-  const sim::Vector3 spot_m = below_m({-0.01, 0, 0});
-  const Eigen::VectorXd more_m = organ.displacement_m(organ.force_n(spot_m, {0, -0.3, -1}, kPulledM));
+  const Eigen::VectorXd more_m =
+      organ.displacement_m(organ.force_n({0.05, -0.01, -0.01}, {0.3, -0.2, -1}, kPulledM));
   const archive::CaseReader recording = record(more_m);
   Comparison comparison = compared(recording, 2 * kSecond);
   const Alignment& alignment = *comparison.alignment;
@@ -193,19 +196,22 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
               << " % beyond two errors of " << 1000 * one.standard_error_m << " mm, up to "
               << 1000 * one.largest_m << " mm\n";
   }
-  const Departure& last = found.departures.back();
-  ASSERT_TRUE(last.compared()) << name_of(last.why) << ", " << sim::name_of(found.moments.back().why);
-  ASSERT_TRUE(last.departed()) << last.beyond;
+  const auto reversed = std::find_if(found.departures.rbegin(), found.departures.rend(),
+                                     [](const Departure& one) { return one.departed(); });
+  ASSERT_NE(reversed, found.departures.rend());
+  const Departure& last = *reversed;
+  const auto picture = static_cast<std::size_t>(&last - found.departures.data());
+  EXPECT_GT(picture, 9U) << "pulled all the way";
   const auto farthest =
       static_cast<std::size_t>(std::ranges::max_element(last.beyond_m) - last.beyond_m.begin());
-  const double away_m = (alignment.surface.nodes[farthest] - spot_m).norm();
-  std::cout << "up to " << 1000 * last.largest_m << " mm, standard error " << 1000 * last.largest_error_m
-            << " mm, " << 1000 * away_m << " mm from where it was pulled by 15 mm\n";
-  EXPECT_LT(away_m, 0.025);
+  std::cout << "up to " << 1000 * last.largest_m << " mm of 15 mm, standard error "
+            << 1000 * last.largest_error_m << " mm\n";
   EXPECT_NEAR(last.largest_m, kPulledM, 3 * last.largest_error_m);
-  // Where the plan presses, the recording does what is planned.
+  ASSERT_EQ(last.beyond_m.size(), surface_.nodes.size());
+  EXPECT_GT(more_m.segment<3>(3 * Eigen::Index{surface_.mesh_nodes[farthest]}).norm(), 0.6 * kPulledM);
+  // On the other side nothing was pulled.
   for (std::size_t node = 0; node < last.beyond_m.size(); ++node) {
-    if (alignment.surface.nodes[node].x() > 0.05) {
+    if (surface_.nodes[node].x() < -0.03) {
       EXPECT_EQ(last.beyond_m[node], 0) << node;
     }
   }
@@ -214,7 +220,7 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
   ASSERT_EQ(steps.size(), 3U);
   EXPECT_EQ(steps[0].pictures, 4U);
   EXPECT_EQ(steps[0].departed, 0U);
-  EXPECT_GT(steps[2].departed, 3U);
+  EXPECT_GE(steps[2].departed, 2U);
 
   // In the document.
   const auto told = nlohmann::json::parse(comparison_json(comparison, plan_, {}))["organ_alignment"];
@@ -226,9 +232,9 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
   EXPECT_NEAR(all["steps"][2]["largest_mm"].get<double>(), 1000 * steps[2].largest_m, 0.006);
   EXPECT_EQ(all["steps"][2]["at_ns"], steps[2].at_ns);
   EXPECT_FALSE(all["steps"][0].contains("largest_mm"));
-  const auto& written = told["moments"].back()["departure"];
+  const auto& written = told["moments"][picture]["departure"];
   EXPECT_EQ(written["step"], 3);
-  EXPECT_NEAR(written["plan_s"].get<double>(), double(kCount - 1) / kPictures, 1e-9);
+  EXPECT_NEAR(written["plan_s"].get<double>(), double(picture) / kPictures, 1e-9);
   EXPECT_NEAR(written["largest_mm"].get<double>(), 1000 * last.largest_m, 0.006);
   // Whoever reads the document comes to the same departures, within a seventh of the scale.
   const std::string text = written["nodes"];
@@ -261,8 +267,8 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
   form.share = 1;
   form.from_plan = true;
   PairedPictures paired(recording, reader_.identities, comparison, *frames_, pictures, form, 0, 2 * kSecond);
-  const sim::Picture film = paired.at((kCount - 1) * kTenthNs);
-  const Caption caption = paired.caption_at((kCount - 1) * kTenthNs);
+  const sim::Picture film = paired.at(static_cast<std::int64_t>(picture) * kTenthNs);
+  const Caption caption = paired.caption_at(static_cast<std::int64_t>(picture) * kTenthNs);
   EXPECT_THAT(caption.step, HasSubstr("organ departs from the plan by up to "));
   EXPECT_EQ(caption.displacement_mm, found.departure_scale_mm());
   EXPECT_EQ(caption.scale_title, "mm from plan");
@@ -276,9 +282,9 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
     }
   }
   EXPECT_GT(grey, 2000);
-  // The patient's right is on the picture's left.
-  EXPECT_GT(coloured_left, 100);
-  EXPECT_LT(coloured_right, 20);
+  // The patient's left is on the picture's right.
+  EXPECT_GT(coloured_right, 100);
+  EXPECT_LT(coloured_left, 20);
   EXPECT_THAT(comparison_html(comparison, plan_, {}, {}), HasSubstr("by up to"));
 }
 
@@ -341,8 +347,11 @@ TEST(DepartureOf, LiesWhereAnotherPlaceWasPulled) {
 TEST(DepartureOf, IsOnlyToldOfAShapeThatIsKnownAndAMomentOfThePlan) {
   Fitted fitted;
   fitted.moment.why = sim::WhyRigid::kWithinError;
-  EXPECT_TRUE(fitted.departure().compared())
-      << "that the organ rests is seen: the plan may have it elsewhere";
+  EXPECT_TRUE(fitted.departure().compared()) << "it agrees with the plan";
+  Fitted resting;
+  resting.moment.why = sim::WhyRigid::kWithinError;
+  resting.moment.displacement_m.assign(resting.moment.displacement_m.size(), sim::Vector3::Zero());
+  EXPECT_EQ(resting.departure().why, WhyNoDeparture::kUnsure) << "a fit that sees little says rest as well";
   for (const sim::WhyRigid why : {sim::WhyRigid::kAtRest, sim::WhyRigid::kMoved, sim::WhyRigid::kUnseen,
                                   sim::WhyRigid::kUnfitted, sim::WhyRigid::kNotBetter}) {
     fitted.moment.why = why;

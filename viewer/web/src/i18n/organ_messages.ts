@@ -78,6 +78,7 @@ export const organEn = {
   'organ.departure.no-plan-moment': 'no moment of the plan',
   'organ.departure.plan-cut': 'the plan has cut the organ by then',
   'organ.departure.untold': 'no place of the organ is known to 6 mm',
+  'organ.departure.unsure': 'whether the organ rests or does what is planned cannot be told',
   'organ.departure.not-looked': 'no picture was looked at',
   'organ.departure.unknown': 'the reason is not told',
 } as const;
@@ -160,6 +161,7 @@ export const organJa: Record<keyof typeof organEn, string> = {
   'organ.departure.no-plan-moment': '計画に対応する時点がない',
   'organ.departure.plan-cut': 'その時点で計画では臓器が切られている',
   'organ.departure.untold': '6 mm の精度で分かる所がない',
+  'organ.departure.unsure': '臓器が静止しているのか計画どおり動いているのか区別できない',
   'organ.departure.not-looked': '調べた画像がない',
   'organ.departure.unknown': '理由は不明',
 };
