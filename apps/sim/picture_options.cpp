@@ -38,6 +38,12 @@ sim::Rgb parse_colour(const std::string& text) {
           static_cast<std::uint8_t>(value)};
 }
 
+/// Else it is coefficients.
+bool is_lens_file(const std::string& lens) {
+  const std::string ending = std::filesystem::path(lens).extension().string();
+  return ending == ".yml" || ending == ".yaml" || ending == ".xml" || ending == ".json";
+}
+
 }  // namespace
 
 void PictureOptions::add_to(Command& command, const std::string& default_transfer) {
@@ -88,7 +94,7 @@ sim::Endoscope PictureOptions::endoscope_asked() const {
   if (zoom) throw UsageError("--zoom is for pictures without an endoscope, which comes nearer (--endoscope)");
   sim::Endoscope asked;
   asked.distance_m = parse_number(*endoscope, "--endoscope", 5, 500) * kMetresPerMillimetre;
-  if (lens && std::filesystem::path(*lens).has_extension() && lens->find(',') == std::string::npos) {
+  if (lens && is_lens_file(*lens)) {
     if (field) throw UsageError("--field cannot be given beside --lens FILE, whose field it is");
     const Bytes text = read_small_file(*lens, "the lens");
     asked.calibration = sim::read_lens_calibration(text_of(text), *lens);

@@ -52,12 +52,36 @@ LensCalibration lens_of(const Endoscope& endoscope, int width, int height) {
   return lens;
 }
 
+/// What Lens refuses is told of pictures that were recorded; here it is told of options.
+Lens checked_lens(const Endoscope& endoscope, const Scene& scene) {
+  const LensCalibration calibration = lens_of(endoscope, scene.width, scene.height);
+  if (endoscope.calibration) {
+    Lens own(calibration);
+    try {
+      own.require_shape(scene.width, scene.height);
+    } catch (const UsageError&) {
+      throw UsageError("the lens was calibrated with pictures of " + std::to_string(calibration.width) + "x" +
+                       std::to_string(calibration.height) +
+                       " pixels: give the picture that shape too (--size)");
+    }
+    return own;
+  }
+  try {
+    return Lens(calibration);
+  } catch (const UsageError&) {
+    throw UsageError("the lens's distortion " + number_text(endoscope.bend[0], 4) + "," +
+                     number_text(endoscope.bend[1], 4) +
+                     " is not monotone within the picture, or its corners lie more than 80 degrees off the "
+                     "axis: take coefficients nearer to 0, or a smaller field (--field)");
+  }
+}
+
 }  // namespace
 
 void look_through(const Endoscope& endoscope, const TetMesh& mesh, std::span<const double> displacement_m,
                   Scene& scene) {
-  const auto lens = std::make_shared<const LensRays>(Lens(lens_of(endoscope, scene.width, scene.height)),
-                                                     scene.width, scene.height);
+  const auto lens =
+      std::make_shared<const LensRays>(checked_lens(endoscope, scene), scene.width, scene.height);
   Camera& camera = scene.camera;
   camera.parallel = false;
   camera.centre.setZero();
