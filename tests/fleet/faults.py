@@ -170,7 +170,10 @@ def kills(appliance, store, dice, wanted):
             time.sleep(dice.uniform(0.0, 0.5))
             if shipping.poll() is None and done < wanted:
                 shipping.kill()
+                shipping.wait()
                 done += 1
+                # What it had sent is not there yet, and would be put once more (docs/how-to/ship-to-a-store.md).
+                eventually(store.has_no_request, "the gateway answers a killed program")
             elif shipping.poll() is not None:
                 break
             shipping.wait()
