@@ -30,7 +30,7 @@ struct TipLight {
   Vector3 at_m{0, 0.003, 0};  // in the view's axes
   /// At this distance it lights as Scene::to_light would.
   double working_distance_m = 0.08;
-  double wet = 1;          // share of the film of water, 0 to 1
+  double wet = 1;           // share of the film of water, 0 to 1
   double roughness = 0.25;  // of the film, more than 0 to 1
 };
 
