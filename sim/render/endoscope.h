@@ -24,8 +24,8 @@ struct Endoscope {
 };
 
 /// Makes a scene what the endoscope shows along the axis of the scene's camera, of the mesh's surface as it
-/// is displaced (3 |V|, or empty for none). kiroku::UsageError where that axis meets nothing, and as Lens and
-/// LensRays.
+/// is displaced (3 |V|, or empty for none). kiroku::UsageError where that axis meets nothing, and for a
+/// lens that none has.
 void look_through(const Endoscope& endoscope, const TetMesh& mesh, std::span<const double> displacement_m,
                   Scene& scene);
 
