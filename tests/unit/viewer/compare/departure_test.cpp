@@ -282,9 +282,9 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
     }
   }
   EXPECT_GT(grey, 2000);
-  // The patient's left is on the picture's right.
-  EXPECT_GT(coloured_right, 50);
-  EXPECT_LT(coloured_left, 20);
+  // The patient's left is on the picture's right. Few nodes are both known to 6 mm and beyond two errors.
+  EXPECT_GT(coloured_right, 20);
+  EXPECT_LT(coloured_left, 5);
   EXPECT_THAT(comparison_html(comparison, plan_, {}, {}), HasSubstr("by up to"));
 }
 
