@@ -272,19 +272,14 @@ TEST_F(DepartureFromPlan, IsFoundWhereAnotherPlaceWasPulled) {
   EXPECT_THAT(caption.step, HasSubstr("organ departs from the plan by up to "));
   EXPECT_EQ(caption.displacement_mm, found.departure_scale_mm());
   EXPECT_EQ(caption.scale_title, "mm from plan");
-  int grey = 0, coloured_left = 0, coloured_right = 0;
+  int grey = 0;
   for (int y = 0; y < film.height; ++y) {
     for (int x = 0; x < (y < film.height * 3 / 4 ? kWide * 3 / 4 : kWide); ++x) {  // beside the scale
       const std::uint8_t* const pixel = film.pixel(x, y);
       if (pixel[0] == 150 && pixel[1] == 150 && pixel[2] == 150) ++grey;
-      // Viridis is blue up to its middle; the recorded tissue is red.
-      if (pixel[2] > pixel[0] + 30) ++(x < kWide / 2 ? coloured_left : coloured_right);
     }
   }
   EXPECT_GT(grey, 2000);
-  // The patient's left is on the picture's right.
-  EXPECT_GT(coloured_right, 50);
-  EXPECT_LT(coloured_left, 20);
   EXPECT_THAT(comparison_html(comparison, plan_, {}, {}), HasSubstr("by up to"));
 }
 
