@@ -233,7 +233,7 @@ story('A person who plans', (step) => {
     await page.getByLabel('Show von Mises stress').check();
     const box = await field().boundingBox();
     if (!box) throw new Error('there is no picture');
-    const points = (dy: number) => [0.3, 0.4, 0.5, 0.6, 0.7].map((x, id) => ({ x: box.x + x * box.width, y: box.y + (0.45 + dy) * box.height, id }));
+    const points = (dy: number) => [0.3, 0.4, 0.5, 0.6, 0.7].map((x, id) => ({ x: box.x + x * box.width, y: box.y + (0.49 + dy) * box.height, id }));
     await touch.send('Input.dispatchTouchEvent', { type: 'touchStart', touchPoints: points(0) });
     await expect.poll(async () => (await page.locator('.planning-tool').allTextContents()).filter((text) => text.startsWith('finger')).length).toBe(5);
     await touch.send('Input.dispatchTouchEvent', { type: 'touchMove', touchPoints: points(0.01) });
