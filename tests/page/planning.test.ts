@@ -326,7 +326,7 @@ story('A person who plans', (step) => {
     const before = (await steps()).length;
     await page.keyboard.press('c');
     await page.getByRole('slider', { name: 'Depth of the cut' }).fill('12');
-    await drag([0.42, 0.4], [0.5, 0.42], [0.58, 0.4]);
+    await drag([0.42, 0.46], [0.5, 0.48], [0.58, 0.46]);
     await page.mouse.up();
     await expect.poll(async () => (await steps()).length).toBe(before + 1);
     await expect.poll(() => handle(1).count()).toBe(1);
