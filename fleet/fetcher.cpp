@@ -469,16 +469,21 @@ void fetch_statements(ObjectStore& store, const std::string& appliance, const st
   constexpr std::size_t kMost = archive::kMostStoreStatements * (1 + archive::kMostTokensOfStatement);
   std::map<std::string, ListedVersion> oldest;
   bool are_more = false;
-  store.for_each_version(prefix, [&](const ListedVersion& each) {
-    const std::string name = each.key.substr(prefix.size());
-    const bool is_statement = archive::is_store_statement_name(name);
-    const std::uint64_t most =
-        is_statement ? archive::kMaximumStoreStatementBytes : archive::kMaximumTokenBytes;
-    if ((!is_statement && !archive::is_store_statement_token_name(name)) || each.bytes > most) return;
-    are_more = are_more || (oldest.size() == kMost && !oldest.contains(name));
-    // From the newest to the oldest.
-    if (oldest.size() < kMost || oldest.contains(name)) oldest.insert_or_assign(name, each);
-  });
+  try {
+    store.for_each_version(prefix, [&](const ListedVersion& each) {
+      const std::string name = each.key.substr(prefix.size());
+      const bool is_statement = archive::is_store_statement_name(name);
+      const std::uint64_t most =
+          is_statement ? archive::kMaximumStoreStatementBytes : archive::kMaximumTokenBytes;
+      if ((!is_statement && !archive::is_store_statement_token_name(name)) || each.bytes > most) return;
+      are_more = are_more || (oldest.size() == kMost && !oldest.contains(name));
+      // From the newest to the oldest.
+      if (oldest.size() < kMost || oldest.contains(name)) oldest.insert_or_assign(name, each);
+    });
+  } catch (const Error& error) {
+    fetched.remarks.push_back(std::string("what other devices stated of the case was not all listed: ") +
+                              error.what());
+  }
   if (are_more) {
     fetched.remarks.push_back("of what other devices stated of the case, more than " + std::to_string(kMost) +
                               " files were left out");
@@ -493,8 +498,6 @@ void fetch_statements(ObjectStore& store, const std::string& appliance, const st
       file.finish();
       ++fetched.objects;
       fetched.bytes += version.bytes;
-    } catch (const IoError&) {
-      throw;
     } catch (const Error& error) {
       std::error_code ignored;
       fs::remove(folder / name, ignored);

@@ -231,6 +231,8 @@ int cases(const Request& request) {
   const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
   fleet::FleetCatalogue catalogue = configuration.open_catalogue();
   if (request.appliance) require_known(*request.appliance, configuration, catalogue);
+  if (request.history && request.searches())
+    throw UsageError("--history shows one case: leave out what to search for");
   if (request.history) return history(request, catalogue);
   const fleet::CaseQuery query = query_of(request);
   std::optional<Searched> searched;

@@ -30,6 +30,7 @@
 #include "archive/search/search_key.h"
 #include "base/error.h"
 #include "base/joined.h"
+#include "base/number_text.h"
 #include "crypto/pkcs8.h"
 #include "crypto/secret.h"
 #include "crypto/signing_key.h"
@@ -530,7 +531,7 @@ Check check_search_key(const Home& home, const Configuration& configuration) {
               "nobody finds its cases by patient or procedure: have one made for that name"};
     if (key.step >= search::kMostSteps)
       return {Health::kWarning, kSubject, "has made all notes that it can", "have another one made"};
-    return {Health::kGood, kSubject, "has made " + std::to_string(key.step) + " notes", ""};
+    return {Health::kGood, kSubject, "has made " + counted(key.step, "note", "notes"), ""};
   } catch (const Error& error) {
     return {Health::kWarning, kSubject, error.what(),
             "cases are recorded all the same, and nobody finds them by patient or procedure"};

@@ -24,6 +24,7 @@
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
 #include "base/joined.h"
+#include "base/number_text.h"
 #include "base/printable.h"
 #include "fleet/stored_copy.h"
 #include "recorder/checkpoint_stamper.h"
@@ -420,7 +421,7 @@ std::string told_of(const std::vector<std::string>& other_forms) {
 
 std::string told(const Candidate& candidate, const archive::Erasure& erased) {
   const bool is_rest = erased.segments == 0 && erased.left_before > 0;
-  const std::string what = is_rest ? "removed " + std::to_string(erased.left_before) + " files of " +
+  const std::string what = is_rest ? "removed " + counted(erased.left_before, "file", "files") + " of " +
                                          candidate.stream + " that an erasure had left which was cut off"
                            : erased.segments == 0
                                ? "nothing of " + candidate.stream + " was " +
@@ -567,10 +568,12 @@ void add_erase_command(Command& program) {
   command.flag("--due", request->due,
                "what [[retention]] of kiroku.toml says may go by now, instead of naming it");
   command.flag("--only-copy", request->only_copy, "also what nothing else holds");
-  command.flag("--clock-is-right", request->clock_is_right,
-               "somebody compared this machine's clock with another: erase by age though the kernel does not "
-               "call it synchronised, or it is far ahead of the appliance log");
-  command.flag("--dry-run", request->dry_run, "only tells what would go and what would be kept");
+  command.flag(
+      "--clock-is-right", request->clock_is_right,
+      "somebody compared this machine's clock with another: erase by age though the kernel does not "
+      "call it synchronised, it is far ahead of the appliance log, or an outside authority says otherwise");
+  command.flag("--dry-run", request->dry_run,
+               "only tells what would go and what would be kept; asks no authority for the time");
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(

@@ -24,6 +24,7 @@
 #include "archive/writing/appliance_log.h"
 #include "base/error.h"
 #include "base/joined.h"
+#include "base/number_text.h"
 #include "base/printable.h"
 
 namespace kiroku::apps {
@@ -87,9 +88,8 @@ Erased erased_of(const Home& home, const std::string& name) try {
 }
 std::string left_text(const Erased& erased, const std::string& sentence) {
   return erased.left == 0 ? ""
-                          : std::to_string(erased.left) + (erased.left == 1 ? " file" : " files") +
-                                " of an erasure that was cut off " + (erased.left == 1 ? "is" : "are") +
-                                " still there: " + sentence + "\n";
+                          : counted(erased.left, "file", "files") + " of an erasure that was cut off " +
+                                (erased.left == 1 ? "is" : "are") + " still there: " + sentence + "\n";
 }
 
 int hold(const Request& request) {
@@ -112,7 +112,7 @@ int hold(const Request& request) {
               << (erased.streams.empty() ? ""
                                          : "segments of " + printable(joined(erased.streams)) +
                                                " were erased before, as its ledger says\n")
-              << left_text(erased, "the hold keeps what they are") << about_the_store(home, true);
+              << left_text(erased, "the hold keeps what is left") << about_the_store(home, true);
   }
   return kDone;
 }
@@ -151,14 +151,15 @@ int release(const Request& request) {
   if (request.json) {
     print_json({{"case", name}, {"hold", entry}, {"still_held", !still.empty()}});
   } else {
-    std::cout << "the legal hold of entry " << entry << " of case " << name << " ended"
-              << (still.empty() ? "; no other stands\n" : "; " + still + "\n")
-              << (still.empty()
-                      ? left_text(erased_of(home, name),
-                                  "no start removes them any more; 'kiroku erase' does, if they are "
-                                  "still to go") +
-                            about_the_store(home, false)
-                      : "");
+    std::cout
+        << "the legal hold of entry " << entry << " of case " << name << " ended"
+        << (still.empty() ? "; no other stands\n" : "; " + still + "\n")
+        << (still.empty()
+                ? left_text(
+                      erased_of(home, name),
+                      "no start removes what is left any more; 'kiroku erase' does, if it is still to go") +
+                      about_the_store(home, false)
+                : "");
   }
   return kDone;
 }

@@ -181,6 +181,11 @@ fs::path make_statement(const Home& home, Found& found) {
         "the key in this device's hardware did not sign, and without it no verifier takes a statement: " +
         note.hardware_silent + "; nothing was stated");
   }
+  if (note.note.size() > archive::kMaximumStoreStatementBytes) {
+    throw Error(
+        "the store has more files of the case, or lacks more, than one statement can list; nothing was "
+        "stated");
+  }
   const fs::path folder = archive::store_statements_folder(found.fetched.folder, statement.case_id);
   std::error_code failed;
   fs::create_directories(folder, failed);

@@ -30,8 +30,9 @@ namespace kiroku::archive {
 
 /// In the archive beside the cases, and in a store below an appliance's name: store-statements/<case>/.
 inline constexpr std::string_view kStoreStatementsFolder = "store-statements";
-/// Of ten hours with a checkpoint a minute a statement has 70 kB. What is longer is none.
-inline constexpr std::size_t kMaximumStoreStatementBytes = 16U << 20U;
+/// Of ten hours with a checkpoint a minute a statement has 70 kB. What is longer is none, as no signed note
+/// is (crypto/note_format.cpp).
+inline constexpr std::size_t kMaximumStoreStatementBytes = 1'000'000;
 /// So many statements of one case are read, and so many tokens of each.
 inline constexpr std::size_t kMostStoreStatements = 100, kMostTokensOfStatement = 8;
 

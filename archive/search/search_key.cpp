@@ -5,6 +5,8 @@
 #include <charconv>
 #include <fcntl.h>
 #include <optional>
+#include <span>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <vector>
@@ -37,7 +39,7 @@ crypto::Sha256Digest hmac(const crypto::Secret& key, const std::string& message)
 crypto::Secret hex_of(ByteView bytes) {
   std::string digits = crypto::to_hex(bytes);
   crypto::Secret secret = crypto::Secret::copy_of(digits);
-  std::ranges::fill(digits, '\0');
+  crypto::zeroise(std::as_writable_bytes(std::span(digits)));
   return secret;
 }
 
@@ -87,7 +89,7 @@ crypto::Secret read_key_file(const fs::path& file) {
       archive::read_small(archive::real_reading().open_to_read(file), kMostBytes);
   if (!text) throw UsageError(file.string() + " is no search key: it is far too long");
   crypto::Secret secret = crypto::Secret::copy_of(*text);
-  std::ranges::fill(*text, '\0');
+  crypto::zeroise(std::as_writable_bytes(std::span(*text)));
   return secret;
 }
 
@@ -145,6 +147,13 @@ ApplianceKey ApplianceKey::parse(std::string_view text, const fs::path& file) {
 ApplianceKey ApplianceKey::read(const fs::path& file) { return parse(read_key_file(file).text(), file); }
 
 ApplianceKey take_step(const fs::path& file) {
+  static_cast<void>(ApplianceKey::read(file));  // says what is wrong with it
+  const Descriptor written(::open(file.c_str(), O_WRONLY | O_CLOEXEC));
+  if (written.number() < 0) throw IoError("write", file, errno);
+  // Read again under the lock: kirokud and `kiroku record` of one home share the file.
+  while (::flock(written.number(), LOCK_EX) != 0) {
+    if (errno != EINTR) throw IoError("lock", file, errno);
+  }
   ApplianceKey key = ApplianceKey::read(file);
   if (key.step >= kMostSteps)
     throw Error("the search key in " + file.string() + " has made " + std::to_string(kMostSteps) +
@@ -152,8 +161,6 @@ ApplianceKey take_step(const fs::path& file) {
   const ApplianceKey next{key.appliance, key.series, key.step + 1, key.now.next()};
   const crypto::Secret text = next.text();
   // In place: the former key is written over, and not left on the disk without a name. One sector holds it.
-  const Descriptor written(::open(file.c_str(), O_WRONLY | O_CLOEXEC));
-  if (written.number() < 0) throw IoError("write", file, errno);
   const ssize_t count = ::pwrite(written.number(), text.bytes().data(), text.size(), 0);
   if (count != static_cast<ssize_t>(text.size())) throw IoError("write", file, count < 0 ? errno : ENOSPC);
   if (::fdatasync(written.number()) != 0) throw IoError("flush", file, errno);

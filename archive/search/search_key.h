@@ -43,7 +43,7 @@ struct ApplianceKey {
 };
 
 /// Takes the key's step for one note: when it returns, the file holds the next one, in the place of this one
-/// and flushed. Throws kiroku::Error, also where all steps were taken. One caller at a time for a file.
+/// and flushed. Waits for other callers and processes. Throws kiroku::Error, also where all steps were taken.
 ApplianceKey take_step(const std::filesystem::path& file);
 
 /// The site's key.

@@ -25,8 +25,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// "" where no legal hold of the case stands. Throws kiroku::Error where nobody can tell.
-/// Why nothing that an erasure left is removed; "" where it may go.
+/// Why nothing that an erasure left is removed; "" where it may go. Throws kiroku::Error where nobody can
+/// tell.
 std::string why_left_now(const RecoveryOptions& options, const std::string& case_id) {
   if (!options.may_erase) {
     return "the appliance log is another one, so that nobody can tell what is held";
@@ -457,7 +457,7 @@ class Recovery {
     found = tokens_to_judge(std::move(found), folder_, files_, left);
     if (left > 0) {
       result_.problem = count_of(left, "token is", "tokens are") +
-                        " left as they are: more lie there without an entry than a recorder that dies leaves";
+                        " not looked into: more lie there without an entry than a recorder that dies leaves";
     }
     for (const TokenName& name : found) {
       // Another form of one that was taken just now.

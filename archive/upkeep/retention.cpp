@@ -234,6 +234,19 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
                      " was not brought to its end: nothing is erased from it before that; `kiroku recover` "
                      "does it");
   }
+  // What is erased is claimed, too. Signed without the hardware it would make the whole case unproven for
+  // good.
+  if (writer->rests_on_hardware()) {
+    const crypto::HardwareSigner* const hardware = options.key->hardware();
+    const std::string silent =
+        hardware == nullptr ? "no key in hardware was given to this program" : crypto::why_silent(*hardware);
+    if (!silent.empty()) {
+      throw Error("nothing was erased from case " + writer->case_id() +
+                  ": the hardware that signs for this device does not answer (" + silent +
+                  "), and without its signature the case would be unproven from then on; run `kiroku doctor` "
+                  "as the user who erases, and erase again once the hardware signs");
+    }
+  }
   // What was changed or is missing is not covered by saying that it was erased. Before the turn, as it takes
   // as long as reading does.
   Erasure result;
@@ -266,19 +279,6 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
       throw UsageError("nothing is erased from case " + writer->case_id() + ": " + held);
     }
   }
-  // What is erased is claimed, too. Signed without the hardware it would make the whole case unproven for
-  // good.
-  if (writer->rests_on_hardware()) {
-    const crypto::HardwareSigner* const hardware = options.key->hardware();
-    const std::string silent =
-        hardware == nullptr ? "no key in hardware was given to this program" : crypto::why_silent(*hardware);
-    if (!silent.empty()) {
-      throw Error("nothing was erased from case " + writer->case_id() +
-                  ": the hardware that signs for this device does not answer (" + silent +
-                  "), and without its signature the case would be unproven from then on; run `kiroku doctor` "
-                  "as the user who erases, and erase again once the hardware signs");
-    }
-  }
   // After close the case clock stands.
   const auto now = [&] { return Moment{options.now(), segments.last_mono_ns}; };
   const std::vector<fs::path> left = files_to_erase(files, folder, segments.erased);
@@ -288,6 +288,7 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
     result.bytes += file.bytes;
   }
   const std::vector<ErasedEntry> runs = runs_of(segments, stream, policy);
+  const std::uint64_t entered = writer->size();
   try {
     if (!runs.empty()) {
       writer->append(std::vector<CaseEntryBody>(runs.begin(), runs.end()), now());
@@ -298,12 +299,18 @@ Erasure erase_stream(FileSystem& files, const RetentionOptions& options, const f
       result.stamped = stamp_end(*writer, options.stamp, now);
       writer->finish(now());
       segments.erased.insert(segments.erased.end(), runs.begin(), runs.end());
+    } else if (!left.empty() && options.log != nullptr) {
+      // Cut off before the log had it, perhaps.
+      options.log->erased(writer->case_id(), stream, segments.erased.back().policy);
     }
     remove_erased(files, files_to_erase(files, folder, segments.erased));
   } catch (const Error& error) {
+    if (writer->size() == entered && left.empty()) {
+      throw;  // nothing was entered
+    }
     throw ErasureCutOff("erasing " + stream + " was begun and cut off: " + error.what() +
-                        "; its ledger says that it was erased, and files of it may still be there; erase it "
-                        "again, which removes them");
+                        "; its ledger says that it was erased, and files of it may still be there: `kiroku "
+                        "recover` brings that to its end, or takes it back where it was not signed");
   }
   return result;
 }

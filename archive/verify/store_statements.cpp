@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "base/joined.h"
 #include "base/number_text.h"
+#include "base/printable.h"
 #include "crypto/merkle_tree.h"
 #include "timestamp/token_verifier.h"
 
@@ -167,8 +168,13 @@ void compare(CaseContents& contents, JudgedStatement& judged) {
     known.insert(file.path);
     if (!contents.there().contains(file.path)) {
       differs(file.path + " was there then, and is missing here");
-    } else if (contents.hash_of(file.path) != file.sha256) {
-      differs(file.path + " is not the file that was there then");
+    } else {
+      try {
+        if (contents.hash_of(file.path) != file.sha256)
+          differs(file.path + " is not the file that was there then");
+      } catch (const Error& error) {  // whatever else was stated is compared all the same
+        differs(file.path + " cannot be compared: " + error.what());
+      }
     }
   }
   judged.later_entries = contents.lines().size - std::min(contents.lines().size, stated.entries.size);
@@ -276,11 +282,15 @@ void check_store_statements(const CaseFolder& folder, const StatedCase& of, cons
       continue;
     }
     const StoreStatement& stated = *judged.statement;
+    // Whoever wrote it chose them.
+    const std::string maker = in_quotation_marks(stated.maker), store = in_quotation_marks(stated.store);
     if (!judged.is_trusted) {
-      findings.add("store-statement-untrusted", {judged.file},
-                   judged.file + " states in the name of " + stated.maker +
-                       " what a store had of this case, and no device that is trusted signed it: anybody can "
-                       "write such a file");
+      findings.add(
+          "store-statement-untrusted", {judged.file},
+          judged.file +
+              ", which no device that is trusted signed, states what a store had of this case: anybody can "
+              "write such a file, here in the name of " +
+              maker);
       continue;
     }
     if (!judged.holds()) {
@@ -290,14 +300,14 @@ void check_store_statements(const CaseFolder& folder, const StatedCase& of, cons
       if (judged.differences.size() > kMostToldDifferences)
         told += "; and " + std::to_string(judged.differences.size() - kMostToldDifferences) + " more";
       findings.add("store-statement-differs", {judged.file},
-                   "what device " + stated.maker + " states in " + judged.file + " of " + stated.store +
+                   "what device " + maker + " states in " + judged.file + " of " + store +
                        " is not what is here: " + told + ". " + words_of_time(judged));
       continue;
     }
     const std::string had = counted(stated.entries.size, "entry", "entries");
     findings.add("store-statement-holds", {judged.file},
-                 "device " + stated.maker + ", and not the case's own, states in " + judged.file + " that " +
-                     stated.store + " had " + had + " of this case, the first " +
+                 "device " + maker + ", and not the case's own, states in " + judged.file + " that " + store +
+                     " had " + had + " of this case, the first " +
                      std::to_string(stated.signed_entries.size) + " signed by its device, and " +
                      counted(stated.files.size(), "file", "files") + " that no entry names, and no more: " +
                      words_of_time(judged) + ". The case has no better verdict by that");
@@ -305,7 +315,7 @@ void check_store_statements(const CaseFolder& folder, const StatedCase& of, cons
       findings.add("store-statement-outgrown",
                    {std::string(kLedgerFile),
                     judged.later_entries > 0 ? std::optional(stated.entries.size) : std::nullopt},
-                   "since device " + stated.maker + " stated in " + judged.file + " what " + stated.store +
+                   "since device " + maker + " stated in " + judged.file + " what " + store +
                        " had of this case, " + counted(judged.later_entries, "entry", "entries") + " and " +
                        counted(judged.later_files, "file", "files") + " came to it");
     }

@@ -958,9 +958,11 @@ struct ApplianceLog::State {
       return Ledger::Aside::kStays;
     }
     if (changed.rest) cut_off_no_entry(changed.rest->number, changed.rest->offset);
-    unstated.push_back({changed_deed(seq, changed), changed.kept});
-    was_put_aside = true;
-    std::string and_then = ": keep that file";
+    if (changed.lines > 0) {
+      unstated.push_back({changed_deed(seq, changed), changed.kept});
+      was_put_aside = true;
+    }
+    std::string and_then = changed.lines > 0 ? ": keep that file" : "";
     try {
       reserve.support([&] { replace(files.open_to_read(changed.instead)); });
       files.remove(changed.instead);
@@ -968,7 +970,15 @@ struct ApplianceLog::State {
       throw;
     } catch (const Error& error) {
       and_then = ", and the lines behind them in " + changed.instead.string() +
-                 ", as not all of them could be written back (" + error.what() + "): keep both files";
+                 ", as not all of them could be written back (" + error.what() + "): keep " +
+                 (changed.lines > 0 ? "both files" : "that file");
+    }
+    if (changed.lines == 0) {
+      remark("entry " + std::to_string(seq) + " of the appliance log in " + folder.string() +
+             ", which this device had signed, had lost its end on the disk: what is left of it stays, as a "
+             "line" +
+             and_then + ". Find out who writes there");
+      return Ledger::Aside::kReplaced;
     }
     remark(std::to_string(changed.lines) + (changed.lines == 1 ? " line" : " lines") +
            " of the appliance log in " + folder.string() + ", from entry " + std::to_string(seq) +

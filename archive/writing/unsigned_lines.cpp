@@ -471,8 +471,10 @@ ChangedAside set_changed_aside_in(FileSystem& files, const fs::path& file, std::
   ChangedAside aside;
   aside.lines = marked.changed_lines();
   if (!all_stay) aside.rest = ChangedAside::Rest{marked.number(), marked.begin()};
-  aside.kept = changed.finish(Telling::kFollows);
-  aside.kept.stood = marked.changed_bytes();
+  if (aside.lines > 0) {
+    aside.kept = changed.finish(Telling::kFollows);
+    aside.kept.stood = marked.changed_bytes();
+  }
   aside.instead = with_suffix(lines.finish(Telling::kFollows).file, kUntoldSuffix);
   files.sync_folder(folder);
   return aside;

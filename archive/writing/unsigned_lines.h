@@ -89,8 +89,10 @@ std::uint64_t bytes_to_keep(const FileReading& files, const std::filesystem::pat
 
 /// Lines that the device signed, and that are none of the format any more.
 struct ChangedAside {
-  SetAside kept;            // what stands in their place now, one behind the other; no entry tells of it yet
-  std::uint64_t lines = 0;  // so many of them
+  /// What stands in their place now, one behind the other; no entry tells of it yet. Empty where there are
+  /// none.
+  SetAside kept;
+  std::uint64_t lines = 0;  // so many of them; none where the last one only lost its end
   /// All lines from the first of them on, with a mark in the place of each of them. Another file that is
   /// called as if no entry told of it, until somebody puts these lines into the log, and removes it.
   std::filesystem::path instead;

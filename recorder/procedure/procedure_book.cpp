@@ -17,6 +17,11 @@ bool is_of_room(const ProcedureRule& rule, const std::string& place) {
                              [&](const std::string& location) { return same_but_for_case(place, location); });
 }
 
+/// Of what is kept by place: "" is of all places together.
+bool is_meant_by(const ProcedureRule& rule, const std::string& place) {
+  return rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place);
+}
+
 /// By which a room is known again by the process that starts next.
 std::string name_of_room(const ProcedureRule& rule) {
   std::set<std::string> locations;
@@ -413,7 +418,7 @@ void ProcedureBook::note_change(const std::string& place, const Arrival& when) {
 }
 
 void ProcedureBook::note_end(const ProcedureMessage& over, const Arrival& when) {
-  for (const std::string& place : over.places) {
+  for (const std::string& place : rooms_of(over)) {
     if (!is_there_another(over.patient, place)) note_change(place, when);
   }
 }
@@ -447,7 +452,7 @@ std::vector<std::pair<ProcedureData, UtcTime>> ProcedureBook::recorded(const Pro
 std::optional<ProcedureMoment> ProcedureBook::changed(const ProcedureRule& rule) const {
   std::optional<ProcedureMoment> last;
   for (const auto& [place, at] : changes_) {
-    const bool is_meant = rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place);
+    const bool is_meant = is_meant_by(rule, place);
     if (is_meant && (!last || last->since_boot < at.since_boot)) last = at;
   }
   return last;
@@ -470,7 +475,7 @@ Doubt ProcedureBook::doubt_of_passed(const ProcedureRule& rule, std::optional<st
                                      const ProcedureMoment& at) const {
   Doubt doubt = Doubt::kNone;
   for (const auto& [place, passed] : passed_) {
-    const bool is_meant = rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place);
+    const bool is_meant = is_meant_by(rule, place);
     if (!is_meant) continue;
     if (at.by_this_clock(passed.went.at) > at.utc) return Doubt::kLeftMeanwhile;
     if (here && passed.came.number > *here) doubt = Doubt::kMayBeGone;
@@ -890,10 +895,19 @@ void ProcedureBook::rename(ProcedureMessage& message, const Arrival& received) {
     add_numbers(message.numbers, one.message.numbers);
     if (const auto known = placed_.find(message.patient); known != placed_.end()) {
       add_numbers(message.numbers, known->second.message.numbers);
-      // They are where they came last, and were where they came before.
-      if (known->second.received.number > one.received.number) std::swap(known->second, one);
+      // They are where an event brought them last, and were where they came before. A record moves nobody.
+      const auto rank = [](const Kept& each) {
+        const bool by_event = std::ranges::any_of(
+            each.since, [&](const auto& came) { return each.way_to(came.first) != Way::kRecord; });
+        return std::pair(by_event || (each.since.empty() && each.message.moves), each.received.number);
+      };
+      if (rank(known->second) > rank(one)) std::swap(known->second, one);
       for (const auto& [place, came] : known->second.since) {
-        if (!one.since.contains(place)) pass(place, came, received);
+        if (one.since.contains(place)) {
+          one.note_way(place, std::max(one.way_to(place), known->second.way_to(place)));
+        } else {
+          pass(place, came, received);
+        }
       }
       if (one.doubt == Doubt::kNone) one.doubt = known->second.doubt;
       one.gone.insert(known->second.gone.begin(), known->second.gone.end());
@@ -1026,6 +1040,9 @@ ProcedureBook::TakenOut ProcedureBook::take_out_appointment(std::vector<Procedur
         add_numbers(message.numbers, before.numbers);
       }
       keep_plan(message, before);
+      // What says nothing of it leaves a waiting list's entry one.
+      if (message.says_no_status && !message.books && kept.doubt == Doubt::kStatusUnclear)
+        message.is_status_unclear = true;
       const bool is_moved = message.planned && message.planned != before.planned;
       if (!message.books && !is_moved) taken.booked = kept.booked;
     }
@@ -1216,9 +1233,7 @@ bool ProcedureBook::is_lost(const LostPlaces& places, const ProcedureRule& rule,
   return std::ranges::any_of(places, [&](const auto& each) {
     const auto& [key, lost] = each;
     const std::string place = place_of_lost(key);
-    const bool is_meant =
-        place == kAnyPlace ||
-        (rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place));
+    const bool is_meant = place == kAnyPlace || is_meant_by(rule, place);
     return is_meant && at.by_this_clock(lost.first) - rule.window <= at.utc &&
            at.utc <= at.by_this_clock(lost.last) + rule.window;
   });
@@ -1389,15 +1404,15 @@ bool ProcedureBook::has_left_since(const ProcedureRule& rule, const Kept& kept,
 }
 
 bool ProcedureBook::was_short(const ProcedureRule& rule, const Left& left, const ProcedureMessage& message,
-                              const EndedSince& ended) const {
+                              const ProcedureMoment& at, const EndedSince& ended) const {
   if (!left.from_here || left.from_here->number != left.when.number) return false;
   const auto there = std::ranges::find_if(passed_, [&](const auto& each) {
-    return is_of_room(rule, each.first) && each.second.went.number == left.when.number;
+    return is_meant_by(rule, each.first) && each.second.went.number == left.when.number;
   });
   if (there == passed_.end()) return false;
   const ProcedureMoment &came = there->second.came.at, &went = left.when.at;
   if (went.since_boot - came.since_boot >= kShortest) return false;
-  return !ended || !ended(message.data, came.utc - kFurthestAhead);
+  return !ended || !ended(message.data, at.by_this_clock(came) - kFurthestAhead);
 }
 
 Standing ProcedureBook::standing(const ProcedureRule& rule, const Left& left, const ProcedureMessage& message,
@@ -1405,7 +1420,8 @@ Standing ProcedureBook::standing(const ProcedureRule& rule, const Left& left, co
   const UtcTime went = at.by_this_clock(left.when.at);
   if (at.utc - went > rule.window) return Standing::kOpen;
   if (!left.is_sure || went > at.utc) return Standing::kDoubtful;
-  if (planned <= went) return was_short(rule, left, message, ended) ? Standing::kDoubtful : Standing::kDone;
+  if (planned <= went)
+    return was_short(rule, left, message, at, ended) ? Standing::kDoubtful : Standing::kDone;
   if (!left.is_from_here || planned - went > kFurthestAhead) return Standing::kDoubtful;
   // It went faster than it was planned, if a case about them has ended since they came; else they were only
   // brought, as by mistake. Unless that was another one.
@@ -1504,7 +1520,7 @@ bool ProcedureBook::may_be_left_behind(const ProcedureRule& rule, const Kept& he
   if (!is_newborn(here.message.data.birth_date, at.utc)) return false;
   return std::ranges::any_of(passed_, [&](const auto& each) {
     const auto& [place, passed] = each;
-    const bool is_meant = rule.locations.empty() ? place.empty() : !place.empty() && is_of_room(rule, place);
+    const bool is_meant = is_meant_by(rule, place);
     return is_meant && passed.went.number > since;
   });
 }

@@ -193,7 +193,7 @@ class ProcedureBook {
   /// Whether that patient was in the rule's room too shortly for an operation, when they left it last, and no
   /// case about them has ended.
   [[nodiscard]] bool was_short(const ProcedureRule& rule, const Left& left, const ProcedureMessage& message,
-                               const EndedSince& ended) const;
+                               const ProcedureMoment& at, const EndedSince& ended) const;
   /// Of a time that is a day alone, or unclear otherwise: whether its patient left the room since then, a
   /// case about them has ended there, and nothing else is planned for them.
   [[nodiscard]] bool has_left_since(const ProcedureRule& rule, const Kept& kept,

@@ -132,7 +132,7 @@ void members(Codec& codec, Message& message) {
   auto& [kind, moves, sender, told, happened, patient, replaces, numbers, replaced_numbers, appointment,
          placer, filler, is_over, places, planned, data, planned_places, is_time_unclear, within, facility,
          visit, is_of_any_visit, cancels_move, is_of_record, books, corrects, names_resources, leaves_unnamed,
-         registers, placer_by, filler_by, names_rooms, is_status_unclear] = message;
+         registers, placer_by, filler_by, names_rooms, is_status_unclear, says_no_status] = message;
   if constexpr (Codec::kReads) {
     kind = static_cast<ProcedureMessage::Kind>(
         codec.number_below(static_cast<std::uint64_t>(ProcedureMessage::Kind::kNothing) + 1));

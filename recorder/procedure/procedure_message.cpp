@@ -92,7 +92,7 @@ bool is_booked(const Hl7Field& status) {
         "booked",  "confirmed", "scheduled",  "planned",     "started",    "overbook",
         "arrived", "checked",   "check-in",   "in progress", "inprogress", "gebucht",
         "geplant", "bestätigt", "terminiert", "予約",        "受付"};
-    says_nothing = says_nothing && (word.empty() || word == "\"\"");
+    says_nothing = says_nothing && word.empty();
     return is_any_of(word, kWords) || begins_with_any_of(word, kBeginnings);
   });
   return says_so || says_nothing;
@@ -556,6 +556,7 @@ class Reader {
       plan(segment.field(11).component(4));
       called_off_ = is_called_off(segment.field(25));
       out_.is_over = is_finished(segment.field(25));
+      out_.says_no_status = segment.field(25).empty();
       out_.is_status_unclear = !called_off_ && !out_.is_over && !is_booked(segment.field(25));
     } else if (name == "TQ1") {
       plan(segment.field(7));

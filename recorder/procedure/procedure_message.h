@@ -82,6 +82,7 @@ struct ProcedureMessage {
   Assigner placer_by = {}, filler_by = {};  // of the numbers of the appointment
   bool names_rooms = false;  // of SIU: rooms (AIL), or what is taken out of them: PV1 says nothing of them
   bool is_status_unclear = false;  // of SIU: SCH-25 says neither that it is booked nor that it is not
+  bool says_no_status = false;     // of SIU: SCH-25 is empty
 };
 
 /// "ADT^A01", "SIU^S12".

@@ -44,11 +44,14 @@ class RoomProcedure : public ProcedureSource {
     return inbox_ ? inbox_->changed_at(rule_) : std::nullopt;
   }
   void ended(const ProcedureData& data, UtcTime at) override {
-    const std::lock_guard guard(mutex_);
-    std::erase_if(ended_, [&](const auto& each) { return at - each.second > ProcedureBook::kLongestWindow; });
-    if (ended_.size() >= kMostEnded) ended_.erase(ended_.begin());
-    ended_.emplace_back(data, at);
-    // For the process that starts next.
+    {
+      const std::lock_guard guard(mutex_);
+      std::erase_if(ended_,
+                    [&](const auto& each) { return at - each.second > ProcedureBook::kLongestWindow; });
+      if (ended_.size() >= kMostEnded) ended_.erase(ended_.begin());
+      ended_.emplace_back(data, at);
+    }
+    // For the process that starts next. Not under the mutex: the inbox asks has_ended() under its own.
     if (inbox_) inbox_->note_recorded(rule_, data, at);
   }
   void hurry() override {

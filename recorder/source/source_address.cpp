@@ -70,8 +70,8 @@ std::string stated_options(std::string_view options, const MayStay& may_stay) {
 }
 
 /// Of "rtsp://user:password@host/path?options": without whoever signs in, without the values that stand in
-/// the path behind '=', and of the options only those that open nothing. A password may itself hold '@', '/'
-/// or '?': of what may be one too much is taken away.
+/// the path behind '=', and of the options only those that open nothing. A password may itself hold '@'
+/// or '/': of what may be one too much is taken away.
 std::string stated_address(std::string_view text, std::size_t scheme_end) {
   const std::size_t begin = scheme_end + 3;
   std::string stated(text.substr(0, begin));

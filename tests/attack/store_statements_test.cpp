@@ -90,7 +90,7 @@ TEST_F(StoreStatements, HoldAndLeaveTheVerdictAsItIs) {
   const VerificationReport report = verify();
   EXPECT_EQ(codes(report), "incomplete holds") << details(report);
   const std::string text = told(report, "store-statement-holds");
-  EXPECT_THAT(text, HasSubstr("device or-2, and not the case's own"));
+  EXPECT_THAT(text, HasSubstr("device \"or-2\", and not the case's own"));
   EXPECT_THAT(text, HasSubstr(std::to_string(report.entries) + " entries"));
   EXPECT_THAT(text, HasSubstr("no time-stamp that holds"));
 }

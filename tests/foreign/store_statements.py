@@ -8,7 +8,7 @@ import ml_dsa
 import note
 import stamp
 
-LARGEST, MOST, LARGEST_SEALED = 16 << 20, 100, 1 << 30
+LARGEST, MOST, LARGEST_SEALED = 1_000_000, 100, 1 << 30
 NAME = re.compile(r"[0-9]{8}T[0-9]{6}Z-[0-9a-f]{8}\.note")
 CASE = re.compile(r"[0-9]{8}T[0-9]{6}Z-[0-9a-f]{8}")
 PATH = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*(/[A-Za-z0-9_][A-Za-z0-9._-]*)*")
@@ -53,7 +53,7 @@ def _lines(text):
 def parse(data):
     """Raises note.Malformed for what is no statement."""
     if len(data) > LARGEST:
-        raise note.Malformed("larger than 16 MiB")
+        raise note.Malformed("larger than a signed note may be")
     try:
         text, signatures = note.parts(data.decode("utf-8"))
     except UnicodeDecodeError as e:
@@ -145,8 +145,11 @@ def _judge(folder, path, opening, device, ledger):
             return "store-statement-differs", f"{path.name}: {size} entries"
     there = {file.path for file in folder.listing if file.kind == "regular" and speaks_of(file.path)}
     for file, sha256 in statement.files.items():
-        if file not in there or (folder.path / file).stat().st_size > LARGEST_SEALED or hashlib.sha256((folder.path / file).read_bytes()).hexdigest() != sha256:
-            return "store-statement-differs", f"{path.name}: {file}"
+        try:
+            if file not in there or (folder.path / file).stat().st_size > LARGEST_SEALED or hashlib.sha256((folder.path / file).read_bytes()).hexdigest() != sha256:
+                return "store-statement-differs", f"{path.name}: {file}"
+        except OSError as e:
+            return "store-statement-differs", f"{path.name}: {file} cannot be compared: {e}"
     return "store-statement-holds", path.name
 
 

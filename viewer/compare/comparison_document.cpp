@@ -195,7 +195,7 @@ ordered_json departure_json(const Departure& departure, double scale_mm) {
   ordered_json one{{"step", departure.moment->step + 1},
                    {"plan_s", rounded(departure.moment->plan_s, kMmPerM)},
                    {"told", rounded(departure.told, kHundredth)},
-                   {"beyond", rounded(departure.beyond, kMmPerM)},
+                   {"beyond", std::floor(kMmPerM * departure.beyond) / kMmPerM},  // none departs by rounding
                    {"standard_error_mm", rounded(kMmPerM * departure.standard_error_m, kHundredth)}};
   if (departure.largest_m == 0) return one;
   one["largest_mm"] = rounded(kMmPerM * departure.largest_m, kHundredth);

@@ -373,7 +373,7 @@ class Page {
       if (step == steps.end() || step->compared == 0) {
         row({names_[at], "0", "",
              step == steps.end() ? "nothing can be said: not looked at"
-                                 : "nothing can be said: the organ's shape is not known"},
+                                 : "nothing can be said: no picture could be compared with the plan"},
             "td", kNumbers);
         continue;
       }

@@ -957,6 +957,8 @@ TEST_F(RetentionTest, AnErasureThatWasCutOffWaitsWhileItsCaseIsHeld) {
   EXPECT_THAT(codes(verify(folder)), Contains("erased-file-present"));
   EXPECT_EQ(erase(folder, "endoscope").left_before, 3U);
   EXPECT_THAT(codes(verify(folder)), ElementsAre("segments-erased"));
+  const auto lines = read_log(archive_.log_folder());
+  EXPECT_EQ(std::ranges::count(lines, "erased", &LogLine::type), 1) << "the log knows it, too";
 }
 
 TEST_F(RetentionTest, AnErasureThatWasCutOffWaitsWhereAConsentWasGivenAgain) {
@@ -967,7 +969,7 @@ TEST_F(RetentionTest, AnErasureThatWasCutOffWaitsWhereAConsentWasGivenAgain) {
   RetentionOptions failing = retention();
   failing.stamp = [](const StoredCheckpoint&) -> std::vector<CheckpointStamp> { throw Error("no power"); };
   EXPECT_THAT([&] { erase_stream(real_file_system(), failing, folder, "endoscope", "no consent"); },
-              ThrowsMessage<ErasureCutOff>(AllOf(HasSubstr("no power"), HasSubstr("erase it again"))));
+              ThrowsMessage<ErasureCutOff>(AllOf(HasSubstr("no power"), HasSubstr("`kiroku recover`"))));
   log()->consent_withdrawn(statement);
   log()->consent_given(statement);
   EXPECT_THAT(why_erasure_waits(archive_.log_folder(), id), HasSubstr("a consent was given again"));

@@ -1039,8 +1039,13 @@ TEST_F(ForeignLines, ASignedLineWithoutItsEndGetsItBack) {
   open()->case_held(kCase, "court order", "anna");
   const std::string text = text_of_file(ledger());
   std::ofstream(ledger(), std::ios::binary) << text.substr(0, text.size() - 1);
-  open()->access("*", "unlocked", "sato");
+  {
+    const auto log = open();
+    log->access("*", "unlocked", "sato");
+    EXPECT_THAT(log->remarks(), Contains(HasSubstr("had lost its end")));
+  }
   EXPECT_THAT(text_of_file(ledger()), testing::StartsWith(text));
+  EXPECT_THAT(aside(), IsEmpty());
   EXPECT_THAT(codes(), Not(HasSubstr("tampered log-")));
   // What a power cut left of a line that nobody signed is cut off as ever.
   add_text(R"({"type":"access")");

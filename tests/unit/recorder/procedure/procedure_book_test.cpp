@@ -1362,6 +1362,18 @@ TEST(ProcedureBook, WhoeverLeftSinceIsDoneWhoseTimeIsUnclear) {
   }
 }
 
+TEST(ProcedureBook, AMergerWithARecordTakesNobodyOutOfTheRoom) {
+  ProcedureBook book;
+  book.take(planned("next", "second", kMorning + 30min), kMorning - 2h);
+  book.take(moved("123", "OR1"), kMorning);
+  ProcedureMessage record = corrected("456", "W7");
+  book.take(record, kMorning + 1min);
+  ProcedureMessage merger = facts("456");
+  merger.replaces = "123";
+  book.take(merger, kMorning + 2min);
+  EXPECT_EQ(found(book, kMorning + 3min), "456 ");
+}
+
 // "Checked in."
 TEST(ProcedureBook, AChangeThatStatesNoTimeLeavesTheTimesAsTheyWere) {
   ProcedureBook book;

@@ -283,7 +283,7 @@ function Loaded({
                 {outlined && player.stream === compared?.document.case.stream && (
                   <OrganOver
                     alignment={outlined.alignment}
-                    fromPlan={plan?.fromPlan.value === true}
+                    fromPlan={plan?.fromPlan.value === true && outlined.alignment.departure !== undefined}
                     player={player}
                     playback={playback}
                     original_ns={frames.shown.value.get(player.stream)?.time_ns}
