@@ -10,7 +10,7 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/verify/checkpoint_rules.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "base/number_text.h"
 #include "base/printable.h"

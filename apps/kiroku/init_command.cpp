@@ -21,6 +21,7 @@
 #include "archive/storage/file_system.h"
 #include "archive/storage/recording_lock.h"
 #include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "base/printable.h"
 #include "crypto/age_file.h"

@@ -22,6 +22,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/limits.h"
 #include "archive/storage/file_system.h"
+#include "archive/writing/log_reading.h"
 #include "base/descriptor.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
@@ -244,7 +245,7 @@ void write_for_others(const fs::path& file, const std::string& text,
 /// What the processes of this home signed last. Where it cannot be written or read nothing is remembered: it
 /// keeps nobody from recording.
 archive::LogMemory memory_of(const Home& home) {
-  constexpr std::chrono::milliseconds kMoment{250};
+  static constexpr std::chrono::milliseconds kMoment{250};
   const fs::path file = home.folder() / "last-signed.note";
   const crypto::VerifierKey device = home.device();
   // Whoever waits for a slow disk no longer has the log's turn. What was there when the log was opened may be

@@ -25,7 +25,7 @@
 #include "apps/verify/witness_judgement.h"
 #include "archive/verify/report_json.h"
 #include "archive/verify/verifier.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "base/printable.h"
 #include "base/utc_time.h"

@@ -9,6 +9,7 @@
 #include "apps/kiroku/kept_log.h"
 #include "archive/catalogue/catalogue.h"
 #include "archive/storage/file_system.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
 

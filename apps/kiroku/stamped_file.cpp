@@ -10,7 +10,7 @@
 #include "apps/kiroku/output_file.h"
 #include "archive/storage/file_stamps.h"
 #include "archive/verify/verdict.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
 #include "timestamp/request.h"

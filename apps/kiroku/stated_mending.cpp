@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 
 namespace kiroku::apps {
 namespace {

@@ -10,7 +10,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/verify/case_witnesses.h"
 #include "archive/verify/report_json.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/json_or_null.h"
 #include "base/number_text.h"
 #include "base/printable.h"

@@ -13,7 +13,7 @@
 #include "archive/verify/checkpoint_rules.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "archive/verify/log_proof.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "base/printable.h"
 #include "crypto/merkle_tree.h"

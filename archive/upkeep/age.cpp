@@ -6,7 +6,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 
 namespace kiroku::archive {
 

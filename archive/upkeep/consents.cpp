@@ -9,7 +9,7 @@
 #include "archive/format/json_writer.h"
 #include "archive/format/strict_json.h"
 #include "archive/upkeep/stated_log.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "crypto/age_file.h"
 #include "crypto/encoding.h"

@@ -13,6 +13,7 @@
 #include "archive/upkeep/age.h"
 #include "archive/upkeep/holds.h"
 #include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "crypto/hardware_key.h"
 #include "crypto/hash.h"

@@ -12,7 +12,7 @@
 #include "archive/format/line_reader.h"
 #include "archive/format/log_entry.h"
 #include "archive/reading/case_reader.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
 

@@ -11,7 +11,7 @@
 #include "archive/format/log_entry.h"
 #include "archive/format/segment_media.h"
 #include "archive/verify/found_files.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "crypto/hash.h"
 #include "crypto/merkle_tree.h"

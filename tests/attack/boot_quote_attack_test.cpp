@@ -13,6 +13,7 @@
 #include "archive/storage/file_system.h"
 #include "archive/verify/verifier.h"
 #include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 #include "recorder/device_key/hardware_description.h"

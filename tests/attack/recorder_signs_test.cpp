@@ -20,6 +20,7 @@
 #include "archive/upkeep/retention.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/descriptor.h"
 #include "base/error.h"
 #include "crypto/encoding.h"

@@ -6,7 +6,7 @@
 
 #include "archive/verify/report_json.h"
 #include "archive/verify/verifier.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "viewer/api/api.h"
 #include "viewer/api/finding_meanings.h"
 

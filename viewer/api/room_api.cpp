@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "archive/format/log_entry.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/attempt_guard.h"
 #include "base/error.h"
 #include "crypto/encoding.h"

@@ -5,7 +5,7 @@
 #include <variant>
 
 #include "archive/format/log_entry.h"
-#include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 

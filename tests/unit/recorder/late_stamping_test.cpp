@@ -7,6 +7,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/verify/verifier.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "tests/support/case_kit.h"
 #include "tests/support/fault_file_system.h"

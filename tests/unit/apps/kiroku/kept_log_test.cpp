@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "archive/format/case_layout.h"
+#include "archive/writing/log_reading.h"
 #include "tests/support/temporary_folder.h"
 
 namespace kiroku::apps {

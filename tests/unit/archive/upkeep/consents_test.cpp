@@ -8,6 +8,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/consent_layout.h"
 #include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "tests/support/sample_case.h"
 
 namespace kiroku::archive {

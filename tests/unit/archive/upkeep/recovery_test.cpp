@@ -13,6 +13,7 @@
 #include "archive/upkeep/retention.h"
 #include "archive/verify/found_files.h"
 #include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "evidence/shared_token.h"
 #include "tests/support/case_kit.h"
 #include "tests/support/fault_file_system.h"

@@ -10,6 +10,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/format/log_entry.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "crypto/merkle_tree.h"
 #include "tests/support/fault_file_system.h"

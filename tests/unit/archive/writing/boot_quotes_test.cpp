@@ -9,6 +9,7 @@
 #include "archive/storage/file_system.h"
 #include "archive/verify/verifier.h"
 #include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "crypto/encoding.h"
 #include "tests/support/software_attester.h"
 #include "tests/support/temporary_folder.h"

@@ -9,6 +9,7 @@
 #include "archive/format/log_entry.h"
 #include "archive/writing/appliance_log.h"
 #include "archive/writing/ledger.h"
+#include "archive/writing/log_reading.h"
 #include "crypto/age_file.h"
 #include "tests/support/case_kit.h"
 #include "tests/support/fault_file_system.h"

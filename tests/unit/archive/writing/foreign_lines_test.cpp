@@ -18,6 +18,7 @@
 #include "archive/writing/appliance_log.h"
 #include "archive/writing/case_writer.h"
 #include "archive/writing/ledger.h"
+#include "archive/writing/log_reading.h"
 #include "archive/writing/unsigned_lines.h"
 #include "base/error.h"
 #include "crypto/encoding.h"

@@ -6,6 +6,7 @@
 #include "archive/storage/file_system.h"
 #include "archive/writing/appliance_log.h"
 #include "archive/writing/case_writer.h"
+#include "archive/writing/log_reading.h"
 #include "tests/support/case_kit.h"
 #include "tests/support/small_disk.h"
 

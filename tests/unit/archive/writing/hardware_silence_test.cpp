@@ -12,6 +12,7 @@
 #include "archive/upkeep/retention.h"
 #include "archive/verify/verifier.h"
 #include "archive/writing/appliance_log.h"
+#include "archive/writing/log_reading.h"
 #include "base/error.h"
 #include "tests/support/case_kit.h"
 #include "tests/support/software_hardware_key.h"
