@@ -51,6 +51,11 @@ struct ProcedureMoment {
 /// wall clock showed then: NTP may set it back between two of them. Planned times are the hospital's. What
 /// one sender tells goes by that sender's own times: a message that comes late tells of before. A wrong
 /// patient is worse than none: what leaves two possible is said to.
+///
+/// procedure_book.cpp takes messages; beside it are who and what is one and the same (_sameness), what was
+/// before what (_order), where patients are (_places), what is planned (_appointments), what is kept no
+/// longer
+/// (_forgetting), whom a case is about (_choice), and all of it as bytes (_state).
 class ProcedureBook {
  public:
   /// Of each kind. Of more the oldest go, of appointments those planned furthest from now; those that concern
