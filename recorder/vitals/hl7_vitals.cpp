@@ -243,8 +243,9 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
     const PatientPart& part = parts[i];
     note_mixtures(part, sources[i], arrival_ns, taken.lines);
     if (watch_ && part.observes) watch_->heard(part.numbers, arrival_ns);
+    const std::optional<UtcTime> arrived = peer.empty() ? std::nullopt : std::optional(now);
     for (media::VitalLine& line :
-         reader_of(sources[i]).read(*parsed.message, arrival_ns, part.begin, part.end)) {
+         reader_of(sources[i]).read(*parsed.message, arrival_ns, arrived, part.begin, part.end)) {
       taken.lines.push_back(std::move(line));
     }
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <optional>
 
@@ -109,7 +110,8 @@ void MonitorReader::notice(const std::string& name, const std::string& text) {
 }
 
 std::vector<media::VitalLine> MonitorReader::read(const Hl7Message& message, std::int64_t arrival_ns,
-                                                  std::size_t begin, std::size_t end) {
+                                                  std::optional<UtcTime> arrived, std::size_t begin,
+                                                  std::size_t end) {
   const std::span all(message.segments());
   const std::size_t first = std::min(begin, all.size());
   const auto segments = all.subspan(first, std::min(end, all.size()) - first);
@@ -121,7 +123,7 @@ std::vector<media::VitalLine> MonitorReader::read(const Hl7Message& message, std
     notice("message-form", remark);
   }
   note_unknown_segments(segments);
-  read_clock(message);
+  read_clock(message, arrived);
   std::vector<Order> orders(1);
   for (const Hl7Segment& segment : segments) {
     if (segment.name() == "OBR") {
@@ -153,8 +155,9 @@ void MonitorReader::note_unknown_segments(std::span<const Hl7Segment> segments) 
   }
 }
 
-void MonitorReader::read_clock(const Hl7Message& message) {
+void MonitorReader::read_clock(const Hl7Message& message, std::optional<UtcTime> arrived) {
   message_time_.reset();
+  is_live_ = arrived.has_value();
   const std::string text = message.header().field(7).component(1).text();
   const auto time = parse_hl7_time(text);
   if (!time || !time->is_instant()) {
@@ -170,6 +173,7 @@ void MonitorReader::read_clock(const Hl7Message& message) {
            "times without zone were taken to be " + (minutes.count() == 0 ? "UTC" : "UTC" + zone));
   }
   message_time_ = time->utc(zone_);
+  if (!tells_clock(arrived)) return;
   const auto step_us = clock_.add(arrival_ns_, *message_time_);
   zero_of_clock_ = clock_.estimate().zero;
   if (step_us) {
@@ -183,6 +187,20 @@ void MonitorReader::read_clock(const Hl7Message& message) {
     lines_.emplace_back(std::move(clock));
     clock_stated_ns_ = arrival_ns_;
   }
+}
+
+bool MonitorReader::tells_clock(std::optional<UtcTime> arrived) {
+  if (is_clock_known_) return true;
+  if (arrived && std::abs((*arrived - *message_time_).count()) > kLateUs) {
+    const auto drift_us = [this](const Apart& first) {
+      return (*message_time_ - first.time).count() - (arrival_ns_ - first.since_ns) / 1000;
+    };
+    if (!apart_ || std::abs(drift_us(*apart_)) > kSteadyUs) apart_ = Apart{arrival_ns_, *message_time_, 0};
+    ++apart_->messages;
+    if (apart_->messages < kSteadyMessages || arrival_ns_ - apart_->since_ns < kSteadyNs) return false;
+  }
+  is_clock_known_ = true;
+  return true;
 }
 
 void MonitorReader::read_order(const Order& order, bool alarms) {
@@ -241,7 +259,18 @@ void MonitorReader::read_one(const Order& order, std::size_t index) {
   }
 }
 
-media::VitalQuality MonitorReader::quality_of(const Observation& observation) {
+bool MonitorReader::may_be_before_recording(const Observation& observation,
+                                            const std::optional<UtcTime>& stated) const {
+  // An order (OBR-7) may have begun long before what it observes now.
+  const std::optional<UtcTime>& measured =
+      observation.time || is_intermittent(observation) ? stated : message_time_;
+  if (!is_live_ || !measured) return false;
+  // Whoever measured it may not be this patient; where nobody knows the clock it may have been then.
+  return !is_clock_known_ ? message_time_.has_value() : (zero_of_clock_ - *measured).count() > kLateUs;
+}
+
+media::VitalQuality MonitorReader::quality_of(const Observation& observation,
+                                              const std::optional<UtcTime>& measured) {
   if (observation.has_flag("INV") || observation.status == "W" || observation.status == "D") {
     return VitalQuality::kInvalid;
   }
@@ -251,6 +280,16 @@ media::VitalQuality MonitorReader::quality_of(const Observation& observation) {
                                      " (OBX-8); they are recorded as questionable");
       return VitalQuality::kQuestionable;
     }
+  }
+  if (may_be_before_recording(observation, measured)) {
+    notice("measured-before",
+           is_clock_known_ ? observation.name() +
+                                 ": values were measured before the recording began; they are recorded "
+                                 "as questionable: they may be of an earlier patient"
+                           : "messages state a time (MSH-7) more than two minutes from this machine's, "
+                             "as those of a queue do; until the monitor's clock is known their values "
+                             "are recorded as questionable: they may be of an earlier patient");
+    return VitalQuality::kQuestionable;
   }
   const bool questionable = observation.has_flag("QUES") || observation.status == "X";
   return questionable ? VitalQuality::kQuestionable : VitalQuality::kGood;
@@ -267,7 +306,7 @@ std::optional<UtcTime> MonitorReader::device_time(const Order& order, const Obse
 }
 
 void MonitorReader::note_lateness(const Observation& observation, const std::optional<UtcTime>& measured) {
-  if (!measured || !message_time_) return;
+  if (!measured || !message_time_ || may_be_before_recording(observation, measured)) return;
   // A message that was held up has an old time itself: the clock's estimate tells.
   const UtcTime device_now =
       std::max(*message_time_, zero_of_clock_ + std::chrono::microseconds(arrival_ns_ / 1000));
@@ -293,7 +332,7 @@ void MonitorReader::read_number(const Order& order, const Observation& observati
     sample.quality = VitalQuality::kMissing;
   } else if (number) {
     sample.value = number;
-    sample.quality = quality_of(observation);
+    sample.quality = quality_of(observation, sample.device_time);
   } else {
     const bool repeated = observation.value.repetitions().size() > 1;
     notice("value-no-number", observation.name() + ": the value '" + first_words(text) + "' is no number" +
@@ -439,7 +478,7 @@ void MonitorReader::read_wave(const Order& order, std::size_t index) {
   } else {
     wave.device_time = message_time_;
   }
-  wave.quality = quality_of(observation);
+  wave.quality = quality_of(observation, wave.device_time);
   const Observation* const inoperative = order.attribute(index, "MDC_EVT_INOP");
   if (inoperative != nullptr && parse_decimal(inoperative->value.text()).value_or(0) != 0) {
     wave.quality = VitalQuality::kQuestionable;

@@ -12,10 +12,11 @@
 //   repeated cuff   a cuff pressure (also: APERIODIC) with the time of the one before and its value is the
 //   same
 //                   measurement, and not a sample again
-//   quality         INV, W, D: invalid; QUES, DEMO, TEST, CALIB: questionable
-//   time            of arrival; what was measured more than kLateUs before by the monitor's clock keeps its
-//                   quality, which is the monitor's word: its device_time says when, and a notice that it is
-//                   so
+//   quality         INV, W, D: invalid; QUES, DEMO, TEST, CALIB: questionable; so is what was measured before
+//                   the recording began, or may have been: a queue brings an earlier patient's values
+//   time            of arrival; what was measured more than kLateUs before by the monitor's clock while the
+//                   recording ran keeps its quality, which is the monitor's word: its device_time says when,
+//                   and a notice that it is so
 //
 // Whatever is not understood, or was taken otherwise than it stands, becomes a notice; the same notice is
 // made once a monitor. The message itself is kept beside by whoever has it (hl7_vitals.h).
@@ -24,6 +25,7 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 #include <span>
 #include <string>
@@ -42,6 +44,11 @@ class MonitorReader {
  public:
   /// An observation that arrives so long after it was measured was stored in between, or is an earlier one.
   static constexpr std::int64_t kLateUs = 120'000'000;
+  /// A clock that is more than kLateUs from this machine's is known from so many messages in a row on, over
+  /// so long a time, whose times go on as they arrive. Those of a queue come faster than they were made.
+  static constexpr std::size_t kSteadyMessages = 3;
+  static constexpr std::int64_t kSteadyNs = 3'000'000'000;
+  static constexpr std::int64_t kSteadyUs = 2'000'000;  // so far apart by both clocks at most
 
   /// `source` stands in the lines; times without zone count as MSH-7 states, else by `assumed_zone`.
   MonitorReader(std::string source, const AssumedZone& assumed_zone);
@@ -50,15 +57,20 @@ class MonitorReader {
   static bool reads(const std::string& type);
 
   /// The lines of a message that reads(), all stamped `arrival_ns`, which must not decrease; of its segments
-  /// from `begin` to `end` alone, where it is of several patients.
+  /// from `begin` to `end` alone, where it is of several patients. `arrived` is this machine's time then;
+  /// nothing for a message of a file, which may be of any day.
   std::vector<media::VitalLine> read(const Hl7Message& message, std::int64_t arrival_ns,
-                                     std::size_t begin = 0, std::size_t end = SIZE_MAX);
+                                     std::optional<UtcTime> arrived = {}, std::size_t begin = 0,
+                                     std::size_t end = SIZE_MAX);
 
  private:
   struct Order;
 
   void notice(const std::string& name, const std::string& text);
-  void read_clock(const Hl7Message& message);
+  void read_clock(const Hl7Message& message, std::optional<UtcTime> arrived);
+  /// Whether the message's time may be taken for the monitor's clock of now, and not for that of a message
+  /// which waited somewhere.
+  bool tells_clock(std::optional<UtcTime> arrived);
   void note_unknown_segments(std::span<const Hl7Segment> segments);
   void note_lateness(const Observation& observation, const std::optional<UtcTime>& measured);
   void read_order(const Order& order, bool alarms);
@@ -70,7 +82,10 @@ class MonitorReader {
   [[nodiscard]] double rate_of(const Order& order, std::size_t index, std::size_t values) const;
   [[nodiscard]] std::optional<UtcTime> device_time(const Order& order, const Observation& observation) const;
   bool is_repeated(const Observation& observation, const media::VitalSample& sample);
-  media::VitalQuality quality_of(const Observation& observation);
+  media::VitalQuality quality_of(const Observation& observation, const std::optional<UtcTime>& measured);
+  /// By the monitor's clock, or as long as nobody knows it.
+  [[nodiscard]] bool may_be_before_recording(const Observation& observation,
+                                             const std::optional<UtcTime>& stated) const;
 
   std::string source_;
   AssumedZone assumed_zone_;
@@ -79,6 +94,15 @@ class MonitorReader {
   std::optional<UtcTime> message_time_;
   std::vector<media::VitalLine> lines_;  // of the message being read
   DeviceClockEstimate clock_;
+  bool is_clock_known_ = false;
+  /// Messages in a row that are as far from this machine's time as the first, while the clock is not known.
+  struct Apart {
+    std::int64_t since_ns = 0;  // arrival of the first
+    UtcTime time;               // that it states
+    std::size_t messages = 0;
+  };
+  std::optional<Apart> apart_;
+  bool is_live_ = false;     // the message being read has an `arrived`
   UtcTime zero_of_clock_{};  // by the estimate, once there is a message_time_
   std::optional<std::int64_t> clock_stated_ns_;
   std::map<std::pair<std::string, std::string>, std::pair<UtcTime, std::optional<double>>> measured_;

@@ -43,7 +43,7 @@ class MonitorReaderTest : public testing::Test {
     const Hl7Parse parsed =
         parse_hl7_message("MSH|^~\\&|MON||||" + time + "||" + type + "|7|P|2.6||||||UNICODE UTF-8\r" + body);
     EXPECT_TRUE(parsed.message) << parsed.problem;
-    auto lines = reader_.read(*parsed.message, arrival_ns);
+    auto lines = reader_.read(*parsed.message, arrival_ns, arrived_);
     for (const media::VitalLine& line : lines) {
       EXPECT_EQ(media::time_ns_of(line), arrival_ns);
       EXPECT_NO_THROW(media::to_json_line(line));
@@ -63,7 +63,21 @@ class MonitorReaderTest : public testing::Test {
     return texts;
   }
 
+  /// Of a message of a heart rate that arrives `seconds` after the recording began at 12:00.
+  VitalQuality quality_at(double seconds, const std::string& sent, const std::string& measured = "") {
+    const auto since_ns = static_cast<std::int64_t>(seconds * 1e9);
+    arrived_ = *parse_utc("2026-01-01T12:00:00Z") + std::chrono::microseconds(since_ns / 1000);
+    const auto lines =
+        read("OBX|1|NM|147842^MDC_ECG_HEART_RATE^MDC|1|72|/min|||||R|||" + measured, since_ns, sent);
+    for (const std::string& each : notices(lines)) told_.push_back(each);
+    const auto samples = of<VitalSample>(lines);
+    EXPECT_THAT(samples, SizeIs(1));
+    return samples.empty() ? VitalQuality::kMissing : samples.front().quality;
+  }
+
   MonitorReader reader_{"bed 4", minutes(0)};
+  std::optional<UtcTime> arrived_;
+  std::vector<std::string> told_;  // by quality_at()
 };
 
 constexpr const char* kSaturation =
@@ -134,6 +148,53 @@ TEST_F(MonitorReaderTest, TellsOfAMessageThatWasHeldUp) {
   read("OBX|1|NM|1^MDC_X^MDC|1|5", kHourNs, "20260101130000+0000");
   EXPECT_THAT(notices(read("OBX|1|NM|2^MDC_Y^MDC|1|5", kHourNs + 1, "20260101121000+0000")),
               ElementsAre(HasSubstr("measured-earlier: OBX 1 (MDC_Y)")));
+}
+
+// The port is closed between cases: a gateway keeps the earlier patient's values, and sends them at once.
+TEST_F(MonitorReaderTest, WhatAQueueBringsAtTheBeginningIsQuestionable) {
+  for (const char* sent : {"20260101113500", "20260101113600", "20260101113700", "20260101113800"})
+    EXPECT_EQ(quality_at(0.2, sent), VitalQuality::kQuestionable) << sent;
+  EXPECT_THAT(told_, ElementsAre(HasSubstr("zone-assumed"), HasSubstr("measured-before: messages state")));
+  EXPECT_EQ(quality_at(1, "20260101120001"), VitalQuality::kGood) << "of now";
+  EXPECT_EQ(quality_at(2, "20260101115000"), VitalQuality::kQuestionable) << "and the rest of the queue";
+  const auto lines = read("OBX|1|NM|1^MDC_X^MDC|1|5", 70'000'000'000, "20260101120110");
+  const auto clocks = of<media::DeviceClock>(lines);
+  ASSERT_THAT(clocks, SizeIs(1));
+  EXPECT_EQ(clocks[0].zero, parse_utc("2026-01-01T12:00:00Z")) << "not by the queue's times";
+}
+
+TEST_F(MonitorReaderTest, AQueueThatComesSlowlyIsQuestionableToo) {
+  for (int message = 0; message < 20; ++message) {
+    const std::string minute = std::to_string(30 + message);
+    EXPECT_EQ(quality_at(message, "2026010111" + minute + "00"), VitalQuality::kQuestionable);
+  }
+}
+
+// A clock that is wrong, as of a monitor that nobody set, is one that goes on as its messages arrive.
+TEST_F(MonitorReaderTest, AWrongClockIsKnownAfterSomeSeconds) {
+  for (const char* hour : {"09", "15"}) {
+    reader_ = MonitorReader("bed 4", minutes(0));
+    const auto sent = [&](const std::string& second) {
+      return "20260101" + std::string(hour) + "00" + second;
+    };
+    EXPECT_EQ(quality_at(0, sent("00")), VitalQuality::kQuestionable);
+    EXPECT_EQ(quality_at(2, sent("02")), VitalQuality::kQuestionable);
+    EXPECT_EQ(quality_at(4, sent("04")), VitalQuality::kGood);
+    EXPECT_EQ(quality_at(5, sent("05")), VitalQuality::kGood);
+  }
+}
+
+TEST_F(MonitorReaderTest, WhatWasMeasuredBeforeTheRecordingIsQuestionable) {
+  EXPECT_EQ(quality_at(0, "20260101120000", "20260101114000"), VitalQuality::kQuestionable);
+  EXPECT_EQ(quality_at(600, "20260101121000", "20260101120300"), VitalQuality::kGood)
+      << "late, and in the recording";
+  EXPECT_THAT(told_, Contains(HasSubstr("measured-before: OBX 1 (MDC_ECG_HEART_RATE)")));
+  EXPECT_THAT(told_, Contains(HasSubstr("measured-earlier: OBX 1 (MDC_ECG_HEART_RATE)")));
+}
+
+// Its times are of another day than this machine's.
+TEST_F(MonitorReaderTest, OfAFileNothingIsBeforeTheRecording) {
+  EXPECT_EQ(sample("OBX|1|NM|1^MDC_X^MDC|1|5|||||R|||20251231120000").quality, VitalQuality::kGood);
 }
 
 TEST_F(MonitorReaderTest, TellsQualities) {
