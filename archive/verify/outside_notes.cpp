@@ -143,12 +143,31 @@ void OutsideNotes::add_misfit(const Judged& note, CodeName code, const Place& pl
   }
 }
 
-void OutsideNotes::tell_contradiction(const Judged& one, const Judged& other) {
-  contradict_ = contradict_ || (!one.alone && !other.alone);
-  add_misfit(one.alone ? one : other, "outside-notes-contradict", {},
-             one.name + " and " + other.name + " are both signed by one key of the device for \"" +
-                 one.checkpoint.origin + "\" with " + counted(one.checkpoint.size, "entry", "entries") +
-                 " and different roots: it signed two histories, whatever is shown now");
+bool OutsideNotes::is_by_what_is_shown(const Contradiction& each) const {
+  return shown_.empty() || std::ranges::any_of(shown_, [&](const Shown& shown) {
+           return is_among(each.one->signers, shown.device) && is_among(each.other->signers, shown.device);
+         });
+}
+
+bool OutsideNotes::contradict_each_other() const {
+  return std::ranges::any_of(contradictions_, [&](const Contradiction& each) {
+    return !each.one->alone && !each.other->alone && is_by_what_is_shown(each);
+  });
+}
+
+void OutsideNotes::tell(const Contradiction& each) {
+  const Judged& one = *each.one;
+  const Judged& other = *each.other;
+  const std::string told = one.name + " and " + other.name +
+                           " are both signed by one key of the device for \"" + one.checkpoint.origin +
+                           "\" with " + counted(one.checkpoint.size, "entry", "entries") +
+                           " and different roots: it signed two histories";
+  if (is_by_what_is_shown(each)) {
+    add_misfit(one.alone ? one : other, "outside-notes-contradict", {}, told + ", whatever is shown now");
+  } else {
+    findings_->add("outside-note-of-other-origin", {},
+                   told + ", and what was shown is another device's, which is not accused by that");
+  }
 }
 
 void OutsideNotes::compare_with_each_other() {
@@ -162,7 +181,7 @@ void OutsideNotes::compare_with_each_other() {
       const crypto::Checkpoint& other = notes_[j].checkpoint;
       if (notes_[j].copy == nullptr && one.origin == other.origin && one.root != other.root &&
           have_one_in_common(notes_[i].signers, notes_[j].signers)) {
-        tell_contradiction(notes_[i], notes_[j]);
+        contradictions_.push_back({&notes_[i], &notes_[j]});
       }
     }
   }
@@ -198,7 +217,7 @@ void OutsideNotes::compare_at_one_size(std::vector<Judged*> notes) {
     const auto other = std::ranges::find_if(
         notes, [&](const Judged* note) { return is_wanted(note) && differ(note, *in_copy); });
     if (other == notes.end()) return false;
-    tell_contradiction(**std::min(in_copy, other), **std::max(in_copy, other));
+    contradictions_.push_back({*std::min(in_copy, other), *std::max(in_copy, other)});
     return true;
   };
   for (const bool may_be_alone : {false, true}) {
@@ -279,6 +298,7 @@ void OutsideNotes::finish(std::uint64_t size, bool whole_ledger) {
   if (std::exchange(finished_, true)) {
     return;
   }
+  for (const Contradiction& each : contradictions_) tell(each);
   for (Judged& note : notes_) {
     if (note.answer == Answer::kNotReached && !whole_ledger) note.answer = Answer::kUnknown;
     if (note.copy == nullptr) tell(note, size, "");

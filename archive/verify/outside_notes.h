@@ -23,6 +23,8 @@ class OutsideNotes {
   /// Judges the notes by themselves, and against each other; of copies all notes. Everything referred to must
   /// outlive the object, and the devices stay as they are.
   OutsideNotes(const VerifyOptions& options, FindingList& findings);
+  OutsideNotes(const OutsideNotes&) = delete;
+  OutsideNotes& operator=(const OutsideNotes&) = delete;
 
   /// The ledger that is walked is this device's, and has this origin; a log that several devices signed has
   /// several. Notes of any other, and those by another key of its name, are findings in finish().
@@ -46,8 +48,9 @@ class OutsideNotes {
   };
   [[nodiscard]] std::vector<Held> held_notes();
 
-  /// Whether two of them prove a fork, whatever the ledger holds.
-  [[nodiscard]] bool contradict_each_other() const { return contradict_; }
+  /// Whether two of them prove a fork, whatever the ledger holds: by a key of what is shown, as far as that
+  /// is known.
+  [[nodiscard]] bool contradict_each_other() const;
 
  private:
   enum class Answer { kNotReached, kHolds, kDiffers, kUnknown };
@@ -82,7 +85,13 @@ class OutsideNotes {
   void compare_with_each_other();
   /// Two of one origin, of which one at least is in a copy.
   void compare_at_one_size(std::vector<Judged*> notes);
-  void tell_contradiction(const Judged& one, const Judged& other);
+  /// Two that one key signed.
+  struct Contradiction {
+    const Judged* one;
+    const Judged* other;
+  };
+  [[nodiscard]] bool is_by_what_is_shown(const Contradiction& each) const;
+  void tell(const Contradiction& each);
   void finish_copy(const OutsideCopy& copy, std::uint64_t size);
   void tell(const Judged& note, std::uint64_t size, const std::string& behind);
   /// `same`: entries that are still those of an older note.
@@ -104,7 +113,7 @@ class OutsideNotes {
     crypto::VerifierKey device;
   };
   std::vector<Shown> shown_;
-  bool contradict_ = false;
+  std::vector<Contradiction> contradictions_;
   bool finished_ = false;
 };
 

@@ -281,6 +281,18 @@ TEST_F(BesideItsNamesake, IsNoSecondHistoryOfThat) {
       << details(report);
 }
 
+// Whoever has that key can sign two histories of its own, and hand both over.
+TEST_F(BesideItsNamesake, IsNotAccusedByTwoHistoriesOfThat) {
+  const archive::OutsideNote other = of_namesake(2, crypto::sha256(bytes_of("another history")));
+  const archive::VerificationReport report = verify_with_both({of_namesake(2), other});
+  EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
+  EXPECT_THAT(summary_alone(report), ::testing::Not(HasSubstr("contradict")));
+  EXPECT_THAT(details(report), HasSubstr("what was shown is another device's"));
+  // Without a log nobody knows whose it would be, and the notes prove what they prove.
+  fs::remove_all(log());
+  EXPECT_THAT(summary(verify_with_both({of_namesake(2), other})), HasSubstr("outside-notes-contradict - -"));
+}
+
 TEST_F(BesideItsNamesake, IsAccusedByANoteOfItsOwnAllTheSame) {
   const archive::OutsideNote before = kept(size());
   std::vector<std::string> rest = lines();

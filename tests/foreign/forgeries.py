@@ -3456,12 +3456,20 @@ def notes_of_one_size_by_two_keys_of_which_its_own_is_of_another_history(world):
     return beside_its_namesake(world.given(case.write(world.folder).folder), against, ["outside-notes-contradict", "outside-note-holds"])
 
 
-@reaches("outside-notes-contradict")
+@reaches("outside-note-of-other-origin")
 def two_histories_by_another_key_of_its_name(world):
-    """That key did sign two, whatever is shown."""
+    """That key did sign two, which says nothing of what is shown."""
     written = world.sound().write(world.folder)
     against = kept(world, NAMESAKE.checkpoint(written.case.origin, 3, bytes(32))) + kept(world, NAMESAKE.checkpoint(written.case.origin, 3, written.root(3)), "other.note")
-    return beside_its_namesake(world.given(written.folder), against, ["outside-note-forked", "outside-note-holds"])
+    return beside_its_namesake(world.given(written.folder), against)
+
+
+@reaches("outside-notes-contradict", "outside-note-of-other-origin")
+def two_histories_of_another_record_by_the_device(world):
+    """The very key that signed what is shown."""
+    origin = "kiroku/or3/20200101T000000Z-00000000"
+    against = kept(world, world.device.checkpoint(origin, 3, bytes(32))) + kept(world, world.device.checkpoint(origin, 3, bytes([1] * 32)), "other.note")
+    return world.given(world.sound().write(world.folder).folder, against=against)
 
 
 @reaches("outside-note-of-other-origin")

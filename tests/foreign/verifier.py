@@ -477,9 +477,12 @@ class Folder:
                 copies.setdefault(kept.copy, []).append((kept, judged))
         seen = alone + [(kept.name, *judged) for notes_of in copies.values() for kept, judged in notes_of if not isinstance(judged, str)]
         for i, (name, one, lacks, keys) in enumerate(seen):
-            against = [others_lack for _, o, others_lack, theirs in seen[:i] if (o.origin, o.size) == (one.origin, one.size) and o.root != one.root and keys & theirs]
-            if against:
-                self.report("outside-note-not-by-both" if lacks or all(against) else "outside-notes-contradict", name)
+            against = [(others_lack, keys & theirs) for _, o, others_lack, theirs in seen[:i] if (o.origin, o.size) == (one.origin, one.size) and o.root != one.root and keys & theirs]
+            ours = [others_lack for others_lack, both in against if not shown or any(device in both for _, device in shown)]
+            if ours:
+                self.report("outside-note-not-by-both" if lacks or all(ours) else "outside-notes-contradict", name)
+            elif against:
+                self.report("outside-note-of-other-origin", name)
 
         def answer(checkpoint, keys):
             if not shown:
