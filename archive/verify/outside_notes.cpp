@@ -205,9 +205,9 @@ void OutsideNotes::compare_at_one_size(std::vector<Judged*> notes) {
   // Whoever could write to a copy can have put any number of notes there that nobody signed.
   if (std::ranges::adjacent_find(notes, differ) == notes.end()) return;
   std::erase_if(notes, [&](Judged* note) { return !is_signed(*note); });
-  // Of two by one key that differ one differs from any third. One pair that accuses is enough, and those by
-  // all keys of a device do: whatever lies between them.
-  const auto tell_two_of = [&](const crypto::VerifierKey& device, bool may_be_alone) {
+  // Of two by one key that differ one differs from any third. Of each key one pair that accuses is enough,
+  // and those by all keys of a device do: whatever lies between them.
+  const auto take_two_of = [&](const crypto::VerifierKey& device, bool may_be_alone) {
     const auto is_wanted = [&](const Judged* note) {
       return (may_be_alone || !note->alone) && is_among(note->signers, device);
     };
@@ -217,12 +217,12 @@ void OutsideNotes::compare_at_one_size(std::vector<Judged*> notes) {
     const auto other = std::ranges::find_if(
         notes, [&](const Judged* note) { return is_wanted(note) && differ(note, *in_copy); });
     if (other == notes.end()) return false;
-    contradictions_.push_back({*std::min(in_copy, other), *std::max(in_copy, other)});
+    const Contradiction found{*std::min(in_copy, other), *std::max(in_copy, other)};
+    if (std::ranges::find(contradictions_, found) == contradictions_.end()) contradictions_.push_back(found);
     return true;
   };
-  for (const bool may_be_alone : {false, true}) {
-    const auto signed_two = [&](const auto& device) { return tell_two_of(device, may_be_alone); };
-    if (std::ranges::any_of(options_->devices, signed_two)) return;
+  for (const crypto::VerifierKey& device : options_->devices) {
+    if (!take_two_of(device, false)) take_two_of(device, true);
   }
 }
 

@@ -89,6 +89,7 @@ class OutsideNotes {
   struct Contradiction {
     const Judged* one;
     const Judged* other;
+    friend bool operator==(const Contradiction&, const Contradiction&) = default;
   };
   [[nodiscard]] bool is_by_what_is_shown(const Contradiction& each) const;
   void tell(const Contradiction& each);

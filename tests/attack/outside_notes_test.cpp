@@ -1,6 +1,7 @@
 // The holder of the device's key cuts off or rewrites what it signed, and signs the rest anew. Nothing in the
 // folder tells; a note that was kept elsewhere does.
 #include <algorithm>
+#include <array>
 #include <sstream>
 
 #include "archive/format/case_layout.h"
@@ -279,6 +280,23 @@ TEST_F(BesideItsNamesake, IsNoSecondHistoryOfThat) {
   const archive::VerificationReport report = verify_with_both({kept(2), of_namesake(2)});
   EXPECT_EQ(summary_alone(report), "unproven\noutside-note-holds - -\noutside-note-of-other-origin - -")
       << details(report);
+}
+
+// Nor does it hide those that the device signed itself, in a copy as by themselves.
+TEST_F(BesideItsNamesake, IsAccusedByTwoHistoriesOfItsOwnBesideTwoOfThat) {
+  const crypto::Sha256Digest root = crypto::sha256(bytes_of("another history"));
+  const archive::OutsideNote other{"other.note", signed_note(2, root, sound().key(), origin())};
+  const archive::OutsideNote of_that = of_namesake(2, root);
+  EXPECT_THAT(summary_alone(verify_with_both({of_namesake(2), of_that, kept(2), other})),
+              HasSubstr("outside-notes-contradict - -"));
+  const fs::path copy = victim_.outside("copy");
+  fs::copy(sound().log_folder(), copy, fs::copy_options::recursive);
+  const std::array<std::string, 3> texts{of_namesake(2).text, of_that.text, other.text};
+  for (std::size_t i = 0; i < texts.size(); ++i) write_file(copy / archive::note_path(900 + i), texts.at(i));
+  archive::VerifyOptions options = sound().options();
+  options.devices.insert(options.devices.begin(), key());
+  options.copies = {archive::read_outside_copy(copy)};
+  EXPECT_THAT(summary_alone(archive::verify_log(log(), options)), HasSubstr("outside-notes-contradict - -"));
 }
 
 // Whoever has that key can sign two histories of its own, and hand both over.

@@ -335,9 +335,7 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"outside-note-forked", Check::kLedger,
      "外部に保管された控えは、別の項目に署名している。ここにあるのは装置が署名した経過ではない。"},
     {"outside-notes-contradict", Check::kLedger,
-     "一つの鍵が署名し、外部に保管された二つの控えが、同じ項目数で異なる根を持つ。装置は二通りの経過に署名し"
-     "た"
-     "。"},
+     "一つの鍵が署名した外部の控え二つが、同じ項目数で異なる根を持つ。装置は二通りの経過に署名した。"},
     {"outside-note-invalid", Check::kLedger,
      "与えられた控えが署名付きチェックポイントでないか、署名が成立しない。照合されていない。"},
     {"outside-note-not-by-both", Check::kLedger,
