@@ -207,6 +207,7 @@ void OutsideNotes::compare_at_one_size(std::vector<Judged*> notes) {
   std::erase_if(notes, [&](Judged* note) { return !is_signed(*note); });
   // Of two by one key that differ one differs from any third. Of each key one pair that accuses is enough,
   // and those by all keys of a device do: whatever lies between them.
+  const auto known = static_cast<std::ptrdiff_t>(contradictions_.size());
   const auto take_two_of = [&](const crypto::VerifierKey& device, bool may_be_alone) {
     const auto is_wanted = [&](const Judged* note) {
       return (may_be_alone || !note->alone) && is_among(note->signers, device);
@@ -218,7 +219,8 @@ void OutsideNotes::compare_at_one_size(std::vector<Judged*> notes) {
         notes, [&](const Judged* note) { return is_wanted(note) && differ(note, *in_copy); });
     if (other == notes.end()) return false;
     const Contradiction found{*std::min(in_copy, other), *std::max(in_copy, other)};
-    if (std::ranges::find(contradictions_, found) == contradictions_.end()) contradictions_.push_back(found);
+    if (std::find(contradictions_.begin() + known, contradictions_.end(), found) == contradictions_.end())
+      contradictions_.push_back(found);
     return true;
   };
   for (const crypto::VerifierKey& device : options_->devices) {
