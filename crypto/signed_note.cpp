@@ -260,15 +260,13 @@ OpenedNote open_note(std::string_view note, const std::vector<VerifierKey>& veri
     result.failure = failure;
     result.explanation = std::move(why);
   };
-  for (std::size_t place = 0; place < checks.size(); ++place) {
-    const SignatureCheck& check = checks[place];
-    if (check.has_signed()) result.by.push_back(place);
+  for (const SignatureCheck& check : checks) {
     if (!check.bad().empty())
       fail(NoteFailure::kBadSignature, "the signature of " + check.bad() + " does not fit the note's text");
     result.by_ml_dsa = result.by_ml_dsa || (check.has_signed() && check.has_ml_dsa());
     result.by_hardware = result.by_hardware || (check.has_signed() && check.has_hardware());
   }
-  const bool verified = !result.by.empty();
+  const bool verified = std::ranges::any_of(checks, &SignatureCheck::has_signed);
   // A note by another key of the name alone is of an unknown key; beside the known one it is a forgery.
   if (verified && foreign_in_known_name)
     fail(NoteFailure::kBadSignature, "another key signed it, too, in the name of a key that is known");

@@ -142,7 +142,6 @@ struct OpenedNote {
   std::string text;                    // what was signed, empty if malformed
   std::vector<std::string> signers;    // names on the signature lines
   std::vector<std::string> unchecked;  // "<name>+<key id>" of lines by keys that were not given
-  std::vector<std::size_t> by;         // places of the verifiers that signed it by Ed25519, in their order
   std::optional<NoteFailure> failure;  // nothing: signed by one of the verifiers, by all keys of it
   bool by_ml_dsa = false;              // and one of these was an ML-DSA key
   bool by_hardware = false;            // and one of these was in hardware; both also where the other lacks

@@ -8,6 +8,7 @@
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 #include "crypto/note_format.h"
+#include "crypto/note_signers.h"
 
 namespace kiroku::crypto {
 namespace {
@@ -96,7 +97,8 @@ VerifiedTlogProof verify_tlog_proof(const TlogProof& proof, ByteView entry,
                                            : "its checkpoint does not hold: " + opened.explanation;
     return verified;
   }
-  for (const std::size_t place : opened.by) verified.signers.push_back(log_keys[place]);
+  for (const std::size_t place : signers_among(proof.note, log_keys))
+    verified.signers.push_back(log_keys[place]);
   if (proof.index >= checkpoint->size || !verify_inclusion(merkle_leaf_hash(entry), proof.index,
                                                            checkpoint->size, proof.path, checkpoint->root)) {
     verified.why = "its hashes do not lead from the entry to the checkpoint's root";

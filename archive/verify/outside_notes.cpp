@@ -10,6 +10,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/verify/outside_copy.h"
 #include "base/number_text.h"
+#include "crypto/note_signers.h"
 
 namespace kiroku::archive {
 
@@ -93,7 +94,7 @@ OutsideNotes::Signed OutsideNotes::judge_signature(const std::string& name, cons
                       name + " does not hold, so nothing was compared with it: " + opened.explanation};
     return result;
   }
-  for (const std::size_t place : opened.by) result.by.push_back(named[place]);
+  for (const std::size_t place : crypto::signers_among(text, keys)) result.by.push_back(named[place]);
   return result;
 }
 
