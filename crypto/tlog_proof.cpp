@@ -8,6 +8,7 @@
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 #include "crypto/note_format.h"
+#include "crypto/note_signers.h"
 
 namespace kiroku::crypto {
 namespace {
@@ -96,14 +97,8 @@ VerifiedTlogProof verify_tlog_proof(const TlogProof& proof, ByteView entry,
                                            : "its checkpoint does not hold: " + opened.explanation;
     return verified;
   }
-  const std::vector<SignatureLine> lines = parse_note(proof.note).lines;
-  const auto signed_by = [&](const VerifierKey& key) {
-    return std::ranges::any_of(lines, [&](const SignatureLine& line) {
-      return line.name == key.name() && line.key_id == key.key_id();
-    });
-  };
-  const auto signer = std::ranges::find_if(log_keys, signed_by);
-  if (signer != log_keys.end()) verified.signer = *signer;
+  for (const std::size_t place : signers_among(proof.note, log_keys))
+    verified.signers.push_back(log_keys[place]);
   if (proof.index >= checkpoint->size || !verify_inclusion(merkle_leaf_hash(entry), proof.index,
                                                            checkpoint->size, proof.path, checkpoint->root)) {
     verified.why = "its hashes do not lead from the entry to the checkpoint's root";

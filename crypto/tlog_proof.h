@@ -37,12 +37,12 @@ struct ParsedTlogProof {
 /// is not looked at.
 ParsedTlogProof parse_tlog_proof(std::string_view text);
 
-/// The checkpoint in which the proof shows the entry, if one of `log_keys` signed it for `origin`; or why it
-/// shows nothing, in half a sentence. Extension lines of the checkpoint say nothing here. Who cosigned it is
-/// for judge_witnesses() to say.
+/// The checkpoint in which the proof shows the entry, if one of `log_keys` signed it for `origin`, and which
+/// of them did; or why it shows nothing, in half a sentence. Extension lines of the checkpoint say nothing
+/// here. Who cosigned it is for judge_witnesses() to say.
 struct VerifiedTlogProof {
   std::optional<Checkpoint> checkpoint;
-  std::optional<VerifierKey> signer;
+  std::vector<VerifierKey> signers;
   /// It may be a good proof for whoever knows other keys.
   bool unknown_signer = false;
   std::string why;

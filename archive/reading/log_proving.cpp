@@ -50,10 +50,10 @@ struct EndInLog {
   bool signed_then = false;  // by the device, before another entry followed
 };
 
-/// Whether a log that names this device is the one of `device`, be it under an earlier key.
-bool has_its_name(const std::string& named, const crypto::VerifierKey& device) {
+/// Whether a log that names this device is the one of `device`. Another key of its name is another device's.
+bool is_its_key(const std::string& named, const crypto::VerifierKey& device) {
   try {
-    return crypto::VerifierKey::parse(named).name() == device.name();
+    return crypto::VerifierKey::parse(named) == device;
   } catch (const UsageError&) {
     return false;
   }
@@ -66,7 +66,7 @@ struct LogOfCase {
 
 /// The lines of the log into `tree`, and what they say of the case's end at last: the last line that the
 /// device signed before another followed, or, where it signed none so, the last one that stood there while
-/// the log was the device's, by its name. Anybody who can write to the log's disk can have added the others.
+/// the log was the device's. Anybody who can write to the log's disk can have added the others.
 LogOfCase read_log_of(const fs::path& log_folder, const std::string& case_id,
                       const crypto::VerifierKey& device, crypto::MerkleTree& tree) {
   LogOfCase read;
@@ -78,9 +78,9 @@ LogOfCase read_log_of(const fs::path& log_folder, const std::string& case_id,
       return;
     }
     if (const auto* boot = std::get_if<BootEntry>(&parse.entry->body)) {
-      is_its = has_its_name(boot->device, device);
+      is_its = is_its_key(boot->device, device);
     } else if (const auto* changed = std::get_if<DeviceKeyChangedEntry>(&parse.entry->body)) {
-      is_its = has_its_name(changed->device, device);
+      is_its = is_its_key(changed->device, device);
     }
     if (const auto* closed = std::get_if<CaseClosedEntry>(&parse.entry->body);
         closed != nullptr && closed->case_id == case_id) {

@@ -28,7 +28,7 @@ struct MadeLogProof {
 /// that the device signed of this very log and that holds the entry; else the log's own newest one. For an
 /// excerpt `find_case` gives its case's folder: the way from its lines to the case's end is through others.
 /// Throws kiroku::Error where the log does not know the case's end, or only in lines that stood there while
-/// it named a device of another name, is not signed over it, or the case is another.
+/// it named another device, is not signed over it, or the case is another.
 MadeLogProof prove_case_in_log(
     const std::filesystem::path& folder, const std::filesystem::path& log_folder,
     const crypto::VerifierKey& device, const std::vector<OutsideNote>& kept,

@@ -17,16 +17,17 @@ struct Candidate {
   std::string name;
   const std::string* note;
   crypto::Checkpoint checkpoint;
+  std::vector<crypto::VerifierKey> signers;
   Holds holds;
   bool is_reached;  // from what is here
 };
 
-/// Whether the policy is for this log at all.
-bool is_meant(const crypto::WitnessPolicy& policy, const VerifyOptions& options,
-              const crypto::Checkpoint& checkpoint) {
+/// Whether the policy is for this log at all: not for that of another key of the same name. Those who signed
+/// it are trusted.
+bool is_meant(const crypto::WitnessPolicy& policy, const Candidate& candidate) {
   return policy.logs().empty() || std::ranges::any_of(policy.logs(), [&](const auto& log) {
-           return log_origin(log.key.name()) == checkpoint.origin &&
-                  std::ranges::find(options.devices, log.key) != options.devices.end();
+           return log_origin(log.key.name()) == candidate.checkpoint.origin &&
+                  std::ranges::find(candidate.signers, log.key) != candidate.signers.end();
          });
 }
 
@@ -131,12 +132,12 @@ std::optional<WitnessReport> judge_case_witnesses(const VerifyOptions& options,
   const bool is_reached = !part || !log || reaches(*log, proof, *part);
   std::vector<Candidate> candidates;
   if (const auto& proved = proof.proved()) {
-    candidates.push_back({proved->name, &proved->note, proved->log, Holds::kEnd, true});
+    candidates.push_back({proved->name, &proved->note, proved->log, {proved->signer}, Holds::kEnd, true});
   }
   if (log) {
     for (const OutsideNotes::Held& note : log->notes) {
       candidates.push_back(
-          {note.name, &note.text, note.checkpoint, held_by(*log, note.checkpoint), is_reached});
+          {note.name, &note.text, note.checkpoint, note.signers, held_by(*log, note.checkpoint), is_reached});
     }
   }
   const auto rank = [](const WitnessReport& each) {
@@ -158,7 +159,7 @@ std::optional<WitnessReport> judge_case_witnesses(const VerifyOptions& options,
                 "to the case's end");
       continue;
     }
-    if (!is_meant(policy, options, candidate.checkpoint)) {
+    if (!is_meant(policy, candidate)) {
       leave_out("the policy names logs, and this one is none of them");
       continue;
     }

@@ -60,12 +60,12 @@ class ExcerptVerification {
       walk(*open_file, *lines_file);
     }
     if (rules_.opening() && rules_.device()) {
-      outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
+      outside_.add_shown(case_origin(rules_.device()->name(), rules_.opening()->case_id), *rules_.device());
     }
     outside_.finish(document_.first_entry + lines_, false);
     log_proof_.finish_part({rules_.opening() ? rules_.opening()->case_id : std::string(), rules_.device()},
                            document_.size, shown_root_);
-    checkpoints_.judge_keys(document_.size, log_proof_.vouched_by(rules_.device(), vouched_by_log_));
+    checkpoints_.judge_keys(document_.size, log_proof_.vouched_by(vouched_by_log_));
     const std::vector<MissingFile> missing = files_.finish();
     if (!rules_.gave_up()) {
       rules_.judge_missing(missing);
@@ -351,7 +351,7 @@ class ExcerptVerification {
     report.signed_entries = checkpoints_.signed_entries();
     report.newest_note = checkpoints_.newest_fitting();
     report.in_log = in_log_;
-    report.proved_entries = log_proof_.entries_proved(rules_.device());
+    report.proved_entries = log_proof_.entries_proved();
     report.files = files_.files() + report.tokens + report.checkpoints + kFilesOfAnExcerpt;
     report.bytes = bytes_in(listing_) - left_.bytes;
     report.left_by_systems = left_.files;

@@ -402,7 +402,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "a note kept outside was signed of other entries: what is shown is not the history that the device "
      "signed"},
     {"outside-notes-contradict", Severity::kTampered,
-     "two notes kept outside have one origin and size and different roots: the device signed two histories"},
+     "two notes kept outside, signed by one key, have one origin and size and different roots: the device "
+     "signed two histories"},
     {"outside-note-not-by-both", Severity::kUnproven,
      "a note given does not fit, and lacks the signature by a key that the device has beside Ed25519: "
      "whoever "
@@ -412,7 +413,7 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"outside-note-untrusted", Severity::kUnproven,
      "a note given is not signed by a trusted device for its own log or case: it was not compared"},
     {"outside-note-of-other-origin", Severity::kUnproven,
-     "a note given is of another case or log: it was not compared"},
+     "a note given is of another case or log, or of another device of this name: it was not compared"},
     {"outside-note-unchecked", Severity::kUnproven,
      "what is here does not show the root at a given note's size: it was not compared"},
     {"outside-note-holds", Severity::kNote,

@@ -186,7 +186,9 @@ HistoryComparison compare_with_kept(const LogHistory& history, const Signer& kep
 
 HistoryComparison compare_kept(const LogHistory& first, const Signer& a, const LogHistory& second,
                                const Signer& b) {
-  if (a.checkpoint.origin != b.checkpoint.origin) return other_devices(a.device, b.device);
+  // Two machines may have one name; two checkpoints that are not the same show nothing but that.
+  if (a.checkpoint.origin != b.checkpoint.origin || (a.device != b.device && a.checkpoint != b.checkpoint))
+    return other_devices(a.device, b.device);
   if (a.checkpoint.size != b.checkpoint.size) {
     return unknown(first.name + " is of " + counted(a.checkpoint.size, "entry", "entries") + " and " +
                    second.name + " of " + std::to_string(b.checkpoint.size) +

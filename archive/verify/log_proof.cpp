@@ -103,7 +103,7 @@ void LogProof::judge(const OutsideNote& given, const std::vector<crypto::Verifie
   }
   entry_ = std::get<CaseClosedEntry>(entry.entry->body);
   checkpoint_ = verified.checkpoint;
-  signer_ = verified.signer;
+  signers_ = verified.signers;
   consistency_ = extra->consistency;
   proof_ = std::move(parsed.proof);
 }
@@ -130,18 +130,23 @@ bool LogProof::is_of(const OfCase& of) {
            "\", which is not that of the case's device");
     return false;
   }
+  if (std::ranges::find(signers_, *of.device) == signers_.end()) {
+    refuse("another trusted key of the name " + printable(of.device->name()) + ", " +
+           printable(signers_.front().to_string()) +
+           ", signed its checkpoint: it is of another device's log than that of the case's");
+    return false;
+  }
+  signer_ = known_device(*of.device, signers_);
   return true;
 }
 
-EntriesBy LogProof::vouched_by(const std::optional<crypto::VerifierKey>& device, EntriesBy known) const {
-  if (proved_ && signer_ && signer_ == device && signer_->ml_dsa())
-    known.ml_dsa = std::max(known.ml_dsa, proved_entries_);
+EntriesBy LogProof::vouched_by(EntriesBy known) const {
+  if (proved_ && proved_->signer.ml_dsa()) known.ml_dsa = std::max(known.ml_dsa, proved_->entries);
   return known;
 }
 
 void LogProof::hold(std::uint64_t entries, const std::string& of_what) {
-  proved_entries_ = entries;
-  proved_ = Proved{name_, proof_->index, entries, *entry_, *checkpoint_, proof_->note};
+  proved_ = Proved{name_, proof_->index, entries, *entry_, *checkpoint_, proof_->note, *signer_};
   findings_->add("log-proof-holds", {},
                  name_ + " holds: entry " + std::to_string(proof_->index) +
                      " of the appliance log says that the case ended with " +

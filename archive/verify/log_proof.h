@@ -36,7 +36,8 @@ class LogProof {
 
   /// The case's tree has `size` entries, and `fits` tells whether a root is its.
   void reached(std::uint64_t size, const RootTest& fits);
-  /// Whose end it must prove. A device speaks for its own cases alone, under whichever of its keys.
+  /// Whose end it must prove. A device speaks for its own cases alone, and another key of its name is another
+  /// device's.
   struct OfCase {
     std::string id;
     std::optional<crypto::VerifierKey> device;  // that `open` names
@@ -49,22 +50,21 @@ class LogProof {
 
   /// What it proves, once it holds.
   struct Proved {
-    std::string name;           // of the proof
-    std::uint64_t entry = 0;    // of the log
-    std::uint64_t entries = 0;  // of the case, that are those with which it ended
-    CaseClosedEntry end;        // what the entry says
-    crypto::Checkpoint log;     // that holds it
-    std::string note;           // the same, signed and cosigned
+    std::string name;            // of the proof
+    std::uint64_t entry = 0;     // of the log
+    std::uint64_t entries = 0;   // of the case, that are those with which it ended
+    CaseClosedEntry end;         // what the entry says
+    crypto::Checkpoint log;      // that holds it
+    std::string note;            // the same, signed and cosigned
+    crypto::VerifierKey signer;  // the case's device
   };
   [[nodiscard]] const std::optional<Proved>& proved() const { return proved_; }
-  /// So many of the case's entries; 0 where it was not this device, which recorded the case, that signed it.
-  [[nodiscard]] std::uint64_t entries_proved(const std::optional<crypto::VerifierKey>& device) const {
-    return proved_ && device && signer_ == device ? proved_->entries : 0;
-  }
-  /// Of `known` and what it proves itself, under signatures by these keys of this device, which recorded the
-  /// case, the larger. As LogComparison::vouched_by, but of hardware it proves nothing: it does not show the
-  /// log's root from before the hardware signed.
-  [[nodiscard]] EntriesBy vouched_by(const std::optional<crypto::VerifierKey>& device, EntriesBy known) const;
+  /// So many of the case's entries.
+  [[nodiscard]] std::uint64_t entries_proved() const { return proved_ ? proved_->entries : 0; }
+  /// Of `known` and what it proves itself, under signatures by these keys of the case's device, the larger.
+  /// As LogComparison::vouched_by, but of hardware it proves nothing: it does not show the log's root from
+  /// before the hardware signed.
+  [[nodiscard]] EntriesBy vouched_by(EntriesBy known) const;
 
  private:
   /// By itself.
@@ -82,8 +82,8 @@ class LogProof {
   std::optional<crypto::Checkpoint> checkpoint_;
   std::vector<crypto::Sha256Digest> consistency_;
   std::optional<bool> root_fits_;
-  std::optional<crypto::VerifierKey> signer_;
-  std::uint64_t proved_entries_ = 0;
+  std::vector<crypto::VerifierKey> signers_;   // trusted ones, of the checkpoint
+  std::optional<crypto::VerifierKey> signer_;  // of these the case's device, with what is known of it
   std::optional<Proved> proved_;
 };
 

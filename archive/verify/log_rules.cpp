@@ -43,10 +43,7 @@ bool is_among(const std::vector<crypto::VerifierKey>& devices, const crypto::Ver
 }  // namespace
 
 bool is_one_device(const NamedDevice& one, const NamedDevice& other) {
-  if (one.text == other.text) return true;
-  if (!one.key || !other.key) return false;
-  return *one.key == *other.key ||
-         (one.is_trusted && other.is_trusted && one.key->name() == other.key->name());
+  return one.text == other.text || (one.key && other.key && *one.key == *other.key);
 }
 
 LogWalk::LogWalk(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
@@ -136,9 +133,8 @@ LogContents LogWalk::run() {
       keep_signed();
     }
     // One that was kept elsewhere counts as if it still lay here. It is by a trusted device, for its own log.
-    const bool has_its_own =
-        checkpoints_.covered() == tree_.size() ||
-        (outside_ != nullptr && device_ && outside_->holds_at(tree_.size(), log_origin(device_->name())));
+    const bool has_its_own = checkpoints_.covered() == tree_.size() ||
+                             (outside_ != nullptr && device_ && outside_->holds_at(tree_.size(), *device_));
     if (erased_now_ && has_its_own) {
       contents_.cases[*erased_now_].erased = true;
     }
@@ -216,6 +212,7 @@ void LogWalk::judge_signed() {
   }
   tell_claims();
   if (signer_) signed_by_[*signer_] = tree_.size();
+  if (outside_ != nullptr && device_) outside_->add_shown(log_origin(device_->name()), *device_);
   // One is without its own where the machine stopped in between; so is the next start's first entry, where it
   // stops there again. Such entries excuse nothing.
   constexpr std::uint64_t kMost = 3;
@@ -468,21 +465,16 @@ void LogWalk::set_device(const std::string& device, std::uint64_t number) {
     trusts_device_ = is_among(options_->devices, key);
     checkpoints_.set_signer(*device_, log_origin(key.name()),
                             {device_->ml_dsa_since(), device_->hardware_since()});
-    if (outside_ != nullptr) {
-      outside_->add_origin(log_origin(key.name()));
-    }
+    // Whose log it is, its first line says. That a later one names another key shows nothing until that key
+    // has signed: anybody can add such a line.
+    if (outside_ != nullptr && !first_device_) outside_->add_shown(log_origin(key.name()), *device_);
     judge_named(key);
   } catch (const UsageError& error) {
     findings_->add("device-invalid", in_ledger(number),
                    at_entry(number) + " of the log names no device: " + error.what());
   }
   first_device_ = first_device_.value_or(device_now());
-  const NamedDevice of_case{case_device_, signs_case_, trusts_case_device_};
-  const bool has_its_key =
-      !case_device_.empty() && (device == case_device_ || (device_ && signs_case_ == device_));
-  had_case_key_ = had_case_key_ || has_its_key;
-  // Its further keys are those that follow it in its log.
-  is_case_devices_ = has_its_key || (had_case_key_ && is_one_device(of_case, device_now()));
+  is_case_devices_ = !case_device_.empty() && is_one_device({case_device_, signs_case_}, device_now());
   contents_.was_case_devices = contents_.was_case_devices || is_case_devices_;
 }
 

@@ -49,10 +49,10 @@ struct FurtherOpening {
 struct NamedDevice {
   std::string text;                        // as it stands there; empty: no line names one
   std::optional<crypto::VerifierKey> key;  // with what is known of it; nothing where that is none
-  bool is_trusted = false;                 // by the verifier
 };
-/// Whether both are one device: by the same key, or by two keys of one name that the verifier trusts. That a
-/// log names another key shows nothing: whoever has a copy of the log can carry it on so.
+/// Whether both are one device: by the same key. Two keys of one name are two devices, also where the
+/// verifier trusts both: names are not unique, and nothing in a log proves that its device took another key.
+/// Whoever has a copy of a log can carry it on under their own.
 bool is_one_device(const NamedDevice& one, const NamedDevice& other);
 
 /// What a log says of one case, in lines of the case's own device. Lines that stand there while the log is
@@ -163,7 +163,7 @@ class LogWalk {
   /// Whether the log is the device's now that speaks for the case.
   [[nodiscard]] bool is_its_devices(const std::string& case_id) const;
   void note_another(std::uint64_t number);
-  [[nodiscard]] NamedDevice device_now() const { return {contents_.device, device_, trusts_device_}; }
+  [[nodiscard]] NamedDevice device_now() const { return {contents_.device, device_}; }
   [[nodiscard]] bool is_asked_for(const std::string& case_id) const;
   void note_root(const std::string& case_id, const KnownRoot& root);
   void check_names();
@@ -195,8 +195,7 @@ class LogWalk {
   std::optional<std::string> signer_;                // the device's key, where it names one
   std::optional<crypto::VerifierKey> device_;        // the same, with what is known of it
   bool trusts_device_ = false;
-  bool is_case_devices_ = false;                 // the case's device, under whichever of its keys
-  bool had_case_key_ = false;                    // the log named the very key that the case names
+  bool is_case_devices_ = false;                 // the case's device
   std::optional<crypto::VerifierKey> stranger_;  // beside a case the first other key that is not trusted
   std::optional<NamedDevice> first_device_;      // that the log names
   std::vector<ListedFile> listing_;

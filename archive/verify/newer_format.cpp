@@ -158,7 +158,7 @@ class NewerComparison {
                   std::string(file) + " is of the format " + printable(line.format) +
                       ", which is later than version 1, the newest that this program knows: what its "
                       "entries say, and its files, was not checked; use a newer version of the program");
-    if (head_.device) outside_.add_origin(head_.checkpoint.origin);
+    if (head_.device) outside_.add_shown(head_.checkpoint.origin, *head_.device);
     if (options.log && head_.case_id.empty()) {
       const VerifyOptions of_log = with_notes_of_logs(options, true);
       OutsideNotes(of_log, by_log_).finish(0, false);
@@ -278,7 +278,10 @@ std::vector<std::pair<std::uint64_t, Head>> heads_of(const CaseFolder& folder,
   // All are of one case: that of the largest.
   if (!heads.empty()) {
     const std::string origin = heads.back().second.checkpoint.origin;
-    std::erase_if(heads, [&](const auto& each) { return each.second.checkpoint.origin != origin; });
+    const std::optional<crypto::VerifierKey> device = heads.back().second.device;
+    std::erase_if(heads, [&](const auto& each) {
+      return each.second.checkpoint.origin != origin || each.second.device != device;
+    });
   }
   return heads;
 }

@@ -77,12 +77,12 @@ class CaseVerification {
       }
     }
     if (rules_.opening() && rules_.device()) {
-      outside_.add_origin(case_origin(rules_.device()->name(), rules_.opening()->case_id));
+      outside_.add_shown(case_origin(rules_.device()->name(), rules_.opening()->case_id), *rules_.device());
     }
     outside_.finish(tree_.size(), opening.file.has_value() && !rules_.gave_up());
     log_proof_.finish({rules_.opening() ? rules_.opening()->case_id : std::string(), rules_.device()},
                       tree_.size(), opening.file.has_value() && !rules_.gave_up());
-    checkpoints_.judge_keys(rules_.claims(), log_proof_.vouched_by(rules_.device(), vouched_by_log_));
+    checkpoints_.judge_keys(rules_.claims(), log_proof_.vouched_by(vouched_by_log_));
     return report();
   }
 
@@ -333,7 +333,7 @@ class CaseVerification {
     report.newest_note = checkpoints_.newest_fitting();
     report.in_log = in_log_;
     report.close_entry = rules_.close_entry();
-    report.proved_entries = log_proof_.entries_proved(rules_.device());
+    report.proved_entries = log_proof_.entries_proved();
     report.files = files_.files() + report.tokens + report.checkpoints + kFilesOfACase;
     report.bytes = bytes_in(listing_) - left_.bytes;
     report.left_by_systems = left_.files;

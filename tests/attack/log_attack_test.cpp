@@ -67,23 +67,23 @@ void go_on(const fs::path& log, std::vector<std::string>& lines, std::size_t mor
 
 constexpr const char* kStranger = "stranger";
 
-/// The log goes on under a stranger's key, with `says`, and then again under the device's. Each signs its
-/// own.
+/// The log goes on under a stranger's key, of this name, with `says`, and then again under the device's. Each
+/// signs its own.
 struct CarriedOnByAStranger {
-  CarriedOnByAStranger(const fs::path& log, const std::string& says) {
+  CarriedOnByAStranger(const fs::path& log, const std::string& says, const std::string& name = kStranger,
+                       const crypto::SigningKey& key = crypto::SigningKey::generate()) {
     const SampleArchive& archive = SoundCases::get().archive;
-    const crypto::SigningKey key = crypto::SigningKey::generate();
     std::vector<std::string> lines = log_lines(log);
     const auto add = [&](const std::string& type, const std::string& rest) {
       lines.push_back(R"({"type":")" + type + R"(","seq":)" + std::to_string(lines.size()) +
                       R"(,"utc":"2026-08-05T10:00:00.000000Z","mono_ns":9000000000000000)" + rest + "}");
     };
-    const auto boot = [&](const std::string& name, const crypto::SigningKey& of) {
+    const auto boot = [&](const std::string& named, const crypto::SigningKey& of) {
       add("boot", R"(,"boot_id":"00000000-0000-4000-8000-000000000000","device":")" +
-                      crypto::VerifierKey(name, of.public_key()).to_string() + "\"");
+                      crypto::VerifierKey(named, of.public_key()).to_string() + "\"");
       write_file(log / archive::note_path(lines.size()), "");
     };
-    boot(kStranger, key);
+    boot(name, key);
     add("case-closed", says);
     const std::uint64_t strangers = lines.size();
     write_file(log / archive::note_path(strangers), "");
@@ -94,9 +94,8 @@ struct CarriedOnByAStranger {
     for (std::uint64_t i = 0; i < strangers; ++i) {
       tree.append(crypto::merkle_leaf_hash(bytes_of(lines[i])));
       if (i + 2 < strangers) continue;
-      const crypto::Checkpoint checkpoint{archive::log_origin(kStranger), tree.size(), tree.root()};
-      write_file(log / archive::note_path(tree.size()),
-                 crypto::sign_note(checkpoint.to_text(), kStranger, key));
+      const crypto::Checkpoint checkpoint{archive::log_origin(name), tree.size(), tree.root()};
+      write_file(log / archive::note_path(tree.size()), crypto::sign_note(checkpoint.to_text(), name, key));
     }
   }
 };
@@ -640,6 +639,24 @@ TEST(AttackWithoutAKey, WhatStandsInALogUnderAnotherKeyAccusesNoCase) {
   }
 }
 
+// Names of devices are not unique: that a verifier trusts both keys makes them no one device.
+TEST(AttackByANamesake, WhatStandsInALogUnderAnotherTrustedKeyOfItsNameAccusesNoCase) {
+  const crypto::SigningKey namesake = crypto::SigningKey::generate();
+  for (const std::uint64_t size : {3U, 900U}) {
+    const AttackedCase victim;
+    CarriedOnByAStranger(victim.log(), end_of(victim.folder().filename(), size), SampleArchive::kDeviceName,
+                         namesake);
+    archive::VerifyOptions options = SoundCases::get().archive.options();
+    options.devices.emplace_back(SampleArchive::kDeviceName, namesake.public_key());
+    options.log = victim.log();
+    const archive::VerificationReport report = archive::verify_case(victim.folder(), options);
+    EXPECT_EQ(report.verdict, Verdict::kUnproven) << details(report);
+    EXPECT_THAT(summary(report), ::testing::HasSubstr("log-of-another-device"));
+    ASSERT_TRUE(report.in_log);
+    EXPECT_TRUE(report.in_log->end);
+  }
+}
+
 TEST(AttackWithoutAKey, WhatStandsInALogUnderAnotherKeyKeepsNoCaseFromItsRecorder) {
   const AttackedCase victim;
   const std::string case_id = victim.folder().filename();
@@ -707,15 +724,44 @@ TEST_F(ProofOfAnEnd, IsOfTheLineThatItsDeviceSigned) {
   EXPECT_FALSE(prove().signed_then);
 }
 
-TEST_F(ProofOfAnEnd, OfAnEndThatStandsUnderAnotherNameAloneThereIsNone) {
-  std::vector<std::string> lines = log_lines(victim_.log());
-  std::erase_if(lines, [&](const std::string& line) {
-    return line.find("\"case-closed\"") != std::string::npos && line.find(case_id_) != std::string::npos;
-  });
-  set_log(victim_.log(), lines);
-  CarriedOnByAStranger(victim_.log(), end_of(case_id_, 3));
-  EXPECT_THAT([&] { static_cast<void>(prove()); },
-              ::testing::ThrowsMessage<Error>(::testing::HasSubstr("names another device")));
+TEST_F(ProofOfAnEnd, OfAnEndThatStandsUnderAnotherKeyAloneThereIsNone) {
+  for (const char* const name : {kStranger, SampleArchive::kDeviceName}) {
+    std::vector<std::string> lines = log_lines(victim_.log());
+    std::erase_if(lines, [&](const std::string& line) {
+      return line.find("\"case-closed\"") != std::string::npos && line.find(case_id_) != std::string::npos;
+    });
+    set_log(victim_.log(), lines);
+    CarriedOnByAStranger(victim_.log(), end_of(case_id_, 3), name);
+    EXPECT_THAT([&] { static_cast<void>(prove()); },
+                ::testing::ThrowsMessage<Error>(::testing::HasSubstr("names another device")));
+  }
+}
+
+// Two machines may have one name, and a proof has no line that says which of them the case is of.
+TEST_F(ProofOfAnEnd, ByAnotherTrustedKeyOfTheDevicesNameIsNotUsed) {
+  const crypto::SigningKey namesake = crypto::SigningKey::generate();
+  archive::MadeLogProof made = prove();
+  archive::VerifyOptions options = SoundCases::get().archive.options();
+  options.log.reset();
+  const auto summary_of = [&](const std::string& note) {
+    made.proof.note = note;
+    options.log_proof = archive::OutsideNote{"case.tlog-proof", made.proof.to_text()};
+    return summary(archive::verify_case(victim_.folder(), options));
+  };
+  const std::string own = made.proof.note;
+  const std::string its = crypto::sign_note(made.log.to_text(), SampleArchive::kDeviceName, namesake);
+  for (const bool first : {true, false}) {
+    options.devices = SoundCases::get().archive.options().devices;
+    options.devices.emplace(first ? options.devices.begin() : options.devices.end(),
+                            SampleArchive::kDeviceName, namesake.public_key());
+    EXPECT_EQ(summary_of(its), "unproven\nlog-proof-not-used - -");
+    EXPECT_EQ(summary_of(own), "intact\nlog-proof-holds - -");
+    // Where it signed beside the device, the device did sign.
+    EXPECT_EQ(summary_of(own + its.substr(its.rfind("\u2014"))), "intact\nlog-proof-holds - -");
+  }
+  // Of a key that nobody trusts it vouches for nothing, whatever its name.
+  options.devices = {crypto::VerifierKey(SampleArchive::kDeviceName, namesake.public_key())};
+  EXPECT_THAT(summary_of(its), ::testing::HasSubstr("log-proof-not-used"));
 }
 
 /// What log-silent says.

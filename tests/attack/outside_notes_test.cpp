@@ -1,6 +1,7 @@
 // The holder of the device's key cuts off or rewrites what it signed, and signs the rest anew. Nothing in the
 // folder tells; a note that was kept elsewhere does.
 #include <algorithm>
+#include <array>
 #include <sstream>
 
 #include "archive/format/case_layout.h"
@@ -246,6 +247,127 @@ TEST_F(RewrittenLog, IsNotJudgedByANoteOfAnotherLog) {
   EXPECT_EQ(summary_alone(archive::verify_log(log(), options)), "unproven\noutside-note-of-other-origin - -");
 }
 
+// Two machines of one name, whose keys the verifier trusts: each speaks for what it signed itself.
+class BesideItsNamesake : public RewrittenLog {
+ protected:
+  [[nodiscard]] archive::VerificationReport verify_with_both(
+      std::vector<archive::OutsideNote> against) const {
+    archive::VerifyOptions options = sound().options();
+    options.devices.insert(options.devices.begin(), key());
+    options.against = std::move(against);
+    return archive::verify_log(log(), options);
+  }
+  [[nodiscard]] archive::OutsideNote of_namesake(std::uint64_t size,
+                                                 const crypto::Sha256Digest& root = {}) const {
+    return {"namesake.note", signed_note(size, root, namesake_, origin())};
+  }
+  [[nodiscard]] crypto::VerifierKey key() const {
+    return {SampleArchive::kDeviceName, namesake_.public_key()};
+  }
+  crypto::SigningKey namesake_ = crypto::SigningKey::generate();
+};
+
+TEST_F(BesideItsNamesake, IsNotAccusedByANoteOfThat) {
+  for (const std::uint64_t each : {std::uint64_t{2}, size(), size() + 100}) {
+    const archive::VerificationReport report = verify_with_both({of_namesake(each)});
+    EXPECT_EQ(summary_alone(report), "unproven\noutside-note-of-other-origin - -") << details(report);
+    EXPECT_THAT(report.findings[0].text,
+                HasSubstr("by another trusted key of that name, " + key().to_string()));
+  }
+}
+
+TEST_F(BesideItsNamesake, IsNoSecondHistoryOfThat) {
+  const archive::VerificationReport report = verify_with_both({kept(2), of_namesake(2)});
+  EXPECT_EQ(summary_alone(report), "unproven\noutside-note-holds - -\noutside-note-of-other-origin - -")
+      << details(report);
+}
+
+// Nor does it hide those that the device signed itself, in a copy as by themselves.
+TEST_F(BesideItsNamesake, IsAccusedByTwoHistoriesOfItsOwnBesideTwoOfThat) {
+  const crypto::Sha256Digest root = crypto::sha256(bytes_of("another history"));
+  const archive::OutsideNote other{"other.note", signed_note(2, root, sound().key(), origin())};
+  const archive::OutsideNote of_that = of_namesake(2, root);
+  EXPECT_THAT(summary_alone(verify_with_both({of_namesake(2), of_that, kept(2), other})),
+              HasSubstr("outside-notes-contradict - -"));
+  const fs::path copy = victim_.outside("copy");
+  fs::copy(sound().log_folder(), copy, fs::copy_options::recursive);
+  const std::array<std::string, 3> texts{of_namesake(2).text, of_that.text, other.text};
+  for (std::size_t i = 0; i < texts.size(); ++i) write_file(copy / archive::note_path(900 + i), texts.at(i));
+  archive::VerifyOptions options = sound().options();
+  options.devices.insert(options.devices.begin(), key());
+  options.copies = {archive::read_outside_copy(copy)};
+  EXPECT_THAT(summary_alone(archive::verify_log(log(), options)), HasSubstr("outside-notes-contradict - -"));
+}
+
+// Whoever has that key can sign two histories of its own, and hand both over.
+TEST_F(BesideItsNamesake, IsNotAccusedByTwoHistoriesOfThat) {
+  const archive::OutsideNote other = of_namesake(2, crypto::sha256(bytes_of("another history")));
+  const archive::VerificationReport report = verify_with_both({of_namesake(2), other});
+  EXPECT_EQ(report.verdict, archive::Verdict::kUnproven) << details(report);
+  EXPECT_THAT(summary_alone(report), ::testing::Not(HasSubstr("contradict")));
+  EXPECT_THAT(details(report), HasSubstr("what was shown is another device's"));
+  // Without a log nobody knows whose it would be, and the notes prove what they prove.
+  fs::remove_all(log());
+  EXPECT_THAT(summary(verify_with_both({of_namesake(2), other})), HasSubstr("outside-notes-contradict - -"));
+}
+
+TEST_F(BesideItsNamesake, IsAccusedByANoteOfItsOwnAllTheSame) {
+  const archive::OutsideNote before = kept(size());
+  std::vector<std::string> rest = lines();
+  rest.resize(6);
+  rewrite(rest);
+  const archive::VerificationReport report = verify_with_both({of_namesake(3), before});
+  EXPECT_EQ(report.verdict, archive::Verdict::kTampered);
+  EXPECT_THAT(summary_alone(report), HasSubstr("outside-note-rolled-back ledger.jsonl 6")) << details(report);
+}
+
+// What another key signed shows nothing of how far an own history goes.
+TEST_F(BesideItsNamesake, PartsFromItsOwnHistoryWhereItsOwnNotesSay) {
+  const archive::OutsideNote before = kept(size());
+  std::vector<std::string> other = lines();
+  other[3].replace(other[3].find("\"utc\":\"") + 7, 4, "2001");
+  rewrite(other);
+  crypto::MerkleFrontier tree;
+  for (std::size_t i = 0; i < 6; ++i) tree.append(crypto::merkle_leaf_hash(bytes_of(other[i])));
+  EXPECT_THAT(summary_alone(verify_with_both({kept(2), of_namesake(6, tree.root()), before})),
+              HasSubstr("outside-note-forked ledger.jsonl 2"));
+}
+
+TEST_F(BesideItsNamesake, IsTheOneOfACopyThatHoldsBothMachinesNotes) {
+  const fs::path copy = victim_.outside("copy");
+  fs::copy(sound().log_folder(), copy, fs::copy_options::recursive);
+  for (const std::uint64_t each : {size() + 1, size() + 100})
+    write_file(copy / archive::note_path(each), of_namesake(each).text);
+  const auto verify_by_copy = [&] {
+    archive::VerifyOptions options = sound().options();
+    options.devices.push_back(key());
+    options.copies = {archive::read_outside_copy(copy)};
+    return archive::verify_log(log(), options);
+  };
+  EXPECT_EQ(summary_alone(verify_by_copy()), "intact\noutside-note-holds - -");
+  // At one size it has another root by that.
+  write_file(copy / archive::note_path(999), of_namesake(2).text);
+  EXPECT_EQ(summary_alone(verify_by_copy()), "intact\noutside-note-holds - -");
+  fs::remove_all(copy / archive::kCheckpointsFolder);
+  fs::create_directory(copy / archive::kCheckpointsFolder);
+  write_file(copy / archive::note_path(2), of_namesake(2).text);
+  EXPECT_EQ(summary_alone(verify_by_copy()), "unproven\noutside-note-of-other-origin - -");
+}
+
+// Anybody can add a line that names it.
+TEST_F(BesideItsNamesake, IsNotAccusedByThatWhereALineNamesItsKey) {
+  std::string text = ledger();
+  text +=
+      R"({"type":"boot","seq":)" + std::to_string(size()) +
+      R"(,"utc":"2026-08-05T10:00:00.000000Z","mono_ns":1,"boot_id":"00000000-0000-4000-8000-000000000000",)"
+      R"("device":")" +
+      key().to_string() + "\"}\n";
+  write_file(log() / archive::kLedgerFile, text);
+  const archive::VerificationReport report = verify_with_both({of_namesake(3)});
+  EXPECT_NE(report.verdict, archive::Verdict::kTampered) << details(report);
+  EXPECT_THAT(summary_alone(report), HasSubstr("outside-note-of-other-origin - -"));
+}
+
 TEST_F(RewrittenLog, IsNotAccusedByANoteThatAnybodyCouldWrite) {
   const crypto::SigningKey forger = crypto::SigningKey::generate();
   const crypto::Sha256Digest root = crypto::sha256(bytes_of("another history"));
@@ -352,6 +474,21 @@ TEST_F(RewrittenCase, IsNotJudgedByTheReceiptOfAnother) {
   EXPECT_EQ(
       summary(verify({{"other.note", read_file(SoundCases::get().second / "checkpoints/00000011.note")}})),
       "unproven\noutside-note-of-other-origin - -");
+}
+
+TEST_F(RewrittenCase, IsNotJudgedByAReceiptThatAnotherMachineOfItsNameSigned) {
+  const crypto::SigningKey namesake = crypto::SigningKey::generate();
+  const auto checkpoint = crypto::Checkpoint::parse(crypto::open_note(receipt().text, {}).text);
+  ASSERT_TRUE(checkpoint);
+  archive::VerifyOptions options = sound().options();
+  options.log.reset();
+  options.devices.emplace_back(SampleArchive::kDeviceName, namesake.public_key());
+  for (const std::uint64_t size : {std::uint64_t{3}, checkpoint->size, std::uint64_t{900}}) {
+    const std::string text = crypto::Checkpoint{checkpoint->origin, size, {}}.to_text();
+    options.against = {{"other.note", crypto::sign_note(text, SampleArchive::kDeviceName, namesake)}};
+    EXPECT_EQ(summary(archive::verify_case(victim_.folder(), options)),
+              "unproven\noutside-note-of-other-origin - -");
+  }
 }
 
 TEST_F(RewrittenCase, WithoutItsLedgerLeavesTheReceiptUnanswered) {

@@ -894,8 +894,8 @@ def verify_case(path, trust):
             folder.report("folder-of-another-case" if is_of_another else "folder-name-differs", called)
         _judge_carrying_on(folder, path.resolve(), entries)
     entries.check_device_file()
-    origins = [entries.origin] if entries.device and entries.opening else []
-    folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, origins, ledger, True)
+    shown = [(entries.origin, entries.device)] if entries.device and entries.opening else []
+    folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, shown, ledger, True)
     vouched = folder.judge_proof(entries.opening["case"] if entries.opening else None, ledger, entries.device)
     folder.judge_keys(entries.device, entries.claims, tuple(map(max, vouched, comparison.vouched(ledger))))
     if entries.opening and entries.device and ledger.known == 1 << 62:
@@ -981,7 +981,7 @@ def _compare_newer_excerpt(folder, trust, document, first_line):
     heads = [(size, _head(folder, size, None)) for size in folder.note_sizes] if trust.devices else []
     heads = [(size, head) for size, head in heads if head and head[0].size == size]
     origin, case, device = (heads[-1][1][0].origin, *heads[-1][1][1:]) if heads else (None, "", None)
-    roots = {size: head[0].root for size, head in heads if head[0].origin == origin}
+    roots = {size: head[0].root for size, head in heads if (head[0].origin, head[2]) == (origin, device)}
     folder.report("format-newer", "the excerpt")
     return _compare_newer(folder, trust, Newer(case, device, document), origin, Heads(roots), first_line if heads else None, max(roots, default=0), False)
 
@@ -996,7 +996,7 @@ def _compare_newer(folder, trust, entries, origin, lines, first_line, covered, w
         log = LogRead(trust.log, trust, opening=entries.opening)
         folder.findings += log.beside_a_case()[0]
         AgainstLog(log, entries, folder.report).settle(first_line, lines, covered, ends)
-    folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, [origin] if origin else [], lines, ends)
+    folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, [(origin, entries.device)] if origin else [], lines, ends)
     folder.judge_proof(entries.opening["case"], lines, entries.device, None if whole else len(lines))
     return Judgement(folder.findings, not whole)
 
@@ -1192,8 +1192,8 @@ def verify_excerpt(path, trust):
         lines = _walk_excerpt(folder, entries, document, opening, part, trust)
         if lines is not None:
             _judge_reach(folder, entries, document, selected, lines)
-    origins = [entries.origin] if entries.device and entries.opening else []
-    folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, origins, lines, False)
+    shown = [(entries.origin, entries.device)] if entries.device and entries.opening else []
+    folder.judge_outside(outside_notes(trust, False) if trust.log else trust.against, shown, lines, False)
     vouched = folder.judge_proof(entries.opening["case"] if entries.opening else None, lines, entries.device, size)
     by_log = lines.comparison.vouched(lines) if lines is not None and lines.comparison else (0, 0)
     folder.judge_keys(entries.device, size, tuple(map(max, vouched, by_log)))

@@ -284,6 +284,12 @@ class Exchange(unittest.TestCase):
         forged = forgeries.by_proof(world, world.given(other, log=forgeries.log_of_the_end(dataclasses.replace(world, folder=folder / "other"), rewritten)[0]),
                                     part=(sizes[-2], rewritten.lines))
         self.assertEqual(told(dataclasses.replace(forged, **beside)), (3, False, "end", 0, sizes[-2]))
+        # Nor is a policy for the log of another machine of this name one for this log.
+        namesake = forgeries.NAMESAKE.key
+        for key, answer in ((world.device.key, (0, True, "end")), (namesake, (3, False, "nothing"))):
+            (folder / "witnesses.txt").write_text(f"log {key}\nwitness w1 {cosignature.key_of(witness)}\nquorum w1\n")
+            self.assertEqual(told(world.given(genuine.folder, **beside, devices=[world.device.key, namesake]))[:3], answer)
+        (folder / "witnesses.txt").write_text(f"witness w1 {cosignature.key_of(witness)}\nquorum w1\n")
         # Another device that the verifier trusts for its own cases vouches for none of this one.
         stranger = forgeries.ANOTHER_DEVICE
         theirs, signed = forgeries.log_of_the_end(dataclasses.replace(world, folder=folder / "theirs"), rewritten, stranger)

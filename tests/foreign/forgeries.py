@@ -2953,37 +2953,36 @@ def case_for_whose_end_another_trusted_device_vouches(world):
     return nobody_opened(world, ANOTHER_DEVICE, True)
 
 
-@reaches()
-def case_whose_end_another_key_of_its_device_entered(world):
-    """The device changed its key, and the verifier trusts both: the log goes on for its cases."""
-    newer = note.Signer("or3", bytes([9] * 32))
+def with_log_carried_on_by_its_namesake(world, entries, judge=None, **more):
+    given = carried_on_by(world, NAMESAKE, entries, judge=judge, trusted=True, **more)
+    never = ["log-checkpoint-differs", "log-knows-more", "log-end-differs", "log-opening-differs", "log-case-erased", "erased-while-held", "device-not-trusted"]
+    return dataclasses.replace(given, never=never)
 
+
+@reaches("log-of-another-device", "log-case-open")
+def case_whose_end_another_key_of_its_name_entered(world):
+    """Nothing shows that the key is its device's: the newer key alone signs that it is, and whoever has a copy of the log can carry it on so."""
     def change(log, written):
         end = log.steps[-2:]
         del log.steps[-2:]
         for step in log.of(Checkpoint):
             step.signer = log.signer
-        log.signed("device-key-changed", 80 * SECOND, device=str(newer.key))
+        log.signed("device-key-changed", 80 * SECOND, device=str(NAMESAKE.key))
         log.steps += end
         for step in log.of(Checkpoint)[-2:]:
-            step.signer = newer
+            step.signer = NAMESAKE
     given = with_log(world, change)
-    return dataclasses.replace(given, devices=[*given.devices, newer.key], never=["log-case-open"])
+    return dataclasses.replace(given, devices=[*given.devices, NAMESAKE.key])
 
 
-@reaches("log-end-differs")
-def case_whose_other_end_another_key_of_its_device_entered(world):
-    newer = note.Signer("or3", bytes([9] * 32))
+@reaches("log-of-another-device")
+def case_whose_other_end_another_key_of_its_name_entered(world):
+    return with_log_carried_on_by_its_namesake(world, lambda written: [("case-closed", {"size": len(written.lines), "root": written.root().hex(), "final_token": "0" * 64})])
 
-    def change(log, written):
-        for step in log.of(Checkpoint):
-            step.signer = log.signer
-        log.signed("device-key-changed", 90 * SECOND, device=str(newer.key))
-        log.signed("case-closed", 91 * SECOND, case=written.case.id, size=len(written.lines), root=written.root().hex(), final_token="0" * 64)
-        for step in log.of(Checkpoint)[-2:]:
-            step.signer = newer
-    given = with_log(world, change)
-    return dataclasses.replace(given, devices=[*given.devices, newer.key])
+
+@reaches("log-of-another-device")
+def case_of_which_another_key_of_its_name_states_another_root(world):
+    return with_log_carried_on_by_its_namesake(world, lambda written: [("case-checkpoint", {"size": 3, "root": "0" * 64}), ("case-closed", {"size": 900, "root": "0" * 64})], name_it="boot", back=True)
 
 
 def log_with_another_case(world, *entries, **more):
@@ -3003,9 +3002,9 @@ def case_that_was_taken_away_and_another_trusted_device_says_erased(world):
     return log_with_another_case(world, ("erased", {"policy": "after ten years"}), signer=ANOTHER_DEVICE, trusted=True)
 
 
-@reaches()
-def case_that_another_key_of_its_device_says_was_erased(world):
-    return log_with_another_case(world, ("erased", {"policy": "after ten years"}), signer=note.Signer("or3", bytes([9] * 32)), trusted=True)
+@reaches("case-missing", "log-of-another-device")
+def case_that_another_key_of_its_name_says_was_erased(world):
+    return log_with_another_case(world, ("erased", {"policy": "after ten years"}), signer=NAMESAKE, trusted=True)
 
 
 @reaches("log-of-another-device", "device-not-trusted")
@@ -3420,6 +3419,115 @@ def copy_of_another_case_alone(world):
     return world.given(written.folder, against=[copy])
 
 
+# Two machines of one name: names of devices are not unique, and the verifier trusts the keys of both.
+NAMESAKE = note.Signer("or3", bytes([9] * 32))
+ACCUSES = ["outside-note-forked", "outside-note-rolled-back", "outside-notes-contradict", "outside-note-not-by-both", "outside-note-holds"]
+
+
+def beside_its_namesake(given, against, never=None):
+    return dataclasses.replace(given, devices=[*given.devices, NAMESAKE.key], against=against, never=ACCUSES if never is None else never)
+
+
+@reaches("outside-note-of-other-origin")
+def notes_by_another_key_of_its_name(world):
+    """Of another history, of more entries than there are, and of just these."""
+    written = world.sound().write(world.folder)
+    against = [kept(world, NAMESAKE.checkpoint(written.case.origin, size, root), f"{size}.note")[0]
+               for size, root in ((2, bytes(32)), (3, written.root(3)), (900, bytes(32)))]
+    return beside_its_namesake(world.given(written.folder), against)
+
+
+@reaches("outside-note-of-other-origin", "outside-note-holds")
+def notes_of_one_size_by_two_keys_of_one_name(world):
+    """Each signed one history."""
+    written = world.sound().write(world.folder)
+    size = max(written.notes)
+    against = kept(world, written.notes[size]) + kept(world, NAMESAKE.checkpoint(written.case.origin, size, bytes(32)), "other.note")
+    return beside_its_namesake(world.given(written.folder), against, [code for code in ACCUSES if code != "outside-note-holds"])
+
+
+@reaches("outside-note-of-other-origin", "outside-note-forked")
+def notes_of_one_size_by_two_keys_of_which_its_own_is_of_another_history(world):
+    case = world.sound()
+    written = case.write(world.folder / "before")
+    case.find("mark").fields["commitment"] = "0" * 64
+    size = max(written.notes)
+    against = kept(world, written.notes[size]) + kept(world, NAMESAKE.checkpoint(case.origin, size, bytes(32)), "other.note")
+    return beside_its_namesake(world.given(case.write(world.folder).folder), against, ["outside-notes-contradict", "outside-note-holds"])
+
+
+@reaches("outside-note-of-other-origin")
+def two_histories_by_another_key_of_its_name(world):
+    """That key did sign two, which says nothing of what is shown."""
+    written = world.sound().write(world.folder)
+    against = kept(world, NAMESAKE.checkpoint(written.case.origin, 3, bytes(32))) + kept(world, NAMESAKE.checkpoint(written.case.origin, 3, written.root(3)), "other.note")
+    return beside_its_namesake(world.given(written.folder), against)
+
+
+@reaches("outside-notes-contradict", "outside-note-of-other-origin")
+def two_histories_of_another_record_by_the_device(world):
+    """The very key that signed what is shown."""
+    origin = "kiroku/or3/20200101T000000Z-00000000"
+    against = kept(world, world.device.checkpoint(origin, 3, bytes(32))) + kept(world, world.device.checkpoint(origin, 3, bytes([1] * 32)), "other.note")
+    return world.given(world.sound().write(world.folder).folder, against=against)
+
+
+@reaches("outside-note-of-other-origin")
+def copy_by_another_key_of_its_name(world):
+    written = world.sound().write(world.folder)
+    copy = world.folder / "copy"
+    (copy / "checkpoints").mkdir(parents=True)
+    for size in (3, 900):
+        (copy / f"checkpoints/{size:08d}.note").write_bytes(NAMESAKE.checkpoint(written.case.origin, size, bytes(32)))
+    return beside_its_namesake(world.given(written.folder), [copy])
+
+
+@reaches("outside-note-holds")
+def copy_with_notes_by_another_key_of_its_name(world):
+    """They hide none of those that are the device's."""
+    written = world.sound().write(world.folder)
+    strays = {size: NAMESAKE.checkpoint(written.case.origin, size, bytes(32)) for size in (max(written.notes) + 1, 900, 901)}
+    return beside_its_namesake(world.given(written.folder), copy_of(world, written, strays), [code for code in ACCUSES if code != "outside-note-holds"])
+
+
+@reaches("outside-note-of-other-origin")
+def log_and_the_log_of_its_namesake(world):
+    """The newest note of a machine of the same name, whose log is longer."""
+    given = the_log(world)
+    return beside_its_namesake(given, kept(world, NAMESAKE.checkpoint("kiroku/or3/log", 3, bytes(32))) + kept(world, NAMESAKE.checkpoint("kiroku/or3/log", 900, bytes(32)), "more.note"))
+
+
+@reaches("outside-note-of-other-origin")
+def case_beside_the_log_of_its_device_and_a_note_of_its_namesake(world):
+    given = with_log(world)
+    return beside_its_namesake(given, kept(world, NAMESAKE.checkpoint("kiroku/or3/log", 3, bytes(32))), [*ACCUSES, "log-not-sound"])
+
+
+@reaches("outside-note-of-other-origin", "log-tail-not-covered")
+def log_to_which_somebody_added_the_name_of_its_namesake(world):
+    """Without a key."""
+    def change(log, written):
+        log.add("boot", 90 * SECOND, boot_id=w.BOOT_ID, device=str(NAMESAKE.key))
+    return beside_its_namesake(the_log(world, change), kept(world, NAMESAKE.checkpoint("kiroku/or3/log", 3, bytes(32))))
+
+
+@reaches("outside-note-forked")
+def log_that_its_namesake_carried_on_against_a_note_of_its_own(world):
+    """That key signed two histories: this one and its own."""
+    given = carried_on_by(world, NAMESAKE, lambda written: [("access", {"case": "*", "what": "unlocked", "who": "sato"})], judge=the_log, trusted=True)
+    return dataclasses.replace(given, against=kept(world, NAMESAKE.checkpoint("kiroku/or3/log", 3, bytes(32))))
+
+
+@reaches("outside-note-of-other-origin")
+def note_of_its_namesake_that_makes_no_entry_the_device_s_own(world):
+    """As of another trusted device: it signs the unsigned opening of a case that never was."""
+    def change(log, written):
+        log.add("case-opened", 90 * SECOND, case="20200101T000000Z-00000000", sha256="0" * 64)
+    given = the_log(world, change)
+    lines = (given.path / "ledger.jsonl").read_bytes().split(b"\n")[:-1]
+    return beside_its_namesake(given, kept(world, NAMESAKE.checkpoint("kiroku/or3/log", len(lines), merkle.root([merkle.leaf(line) for line in lines]))), ["case-missing", *ACCUSES])
+
+
 @reaches("outside-note-invalid")
 def copy_without_a_checkpoint_in_its_files(world):
     written = world.sound().write(world.folder)
@@ -3629,13 +3737,49 @@ def excerpt_by_the_proof_of_another_device(world):
     return given
 
 
-@reaches("log-proof-holds")
-def proof_by_another_key_of_the_device(world):
-    """The log goes on when the device changes its key."""
-    given = with_log(world)
-    newer = note.Signer("or3", bytes([9] * 32))
-    given = by_proof(dataclasses.replace(world, device=newer), given)
-    return dataclasses.replace(given, devices=[*given.devices, newer.key])
+def by_proof_of_its_namesake(world, given):
+    given = by_proof(dataclasses.replace(world, device=NAMESAKE), given)
+    return dataclasses.replace(given, devices=[*given.devices, NAMESAKE.key], never=["log-proof-holds", "log-proof-differs"])
+
+
+@reaches("log-proof-not-used")
+def proof_by_another_key_of_its_name(world):
+    """Two machines have one name, and the verifier trusts the keys of both. A proof has no line that tells which of them goes on with the other's cases."""
+    return by_proof_of_its_namesake(world, with_log(world))
+
+
+@reaches("log-proof-not-used")
+def proof_of_a_rewritten_case_by_another_key_of_its_name(world):
+    """It vouches for none that a copied key signed anew."""
+    case = world.sound()
+    case.find("mark").fields["commitment"] = "0" * 64
+    return by_proof_of_its_namesake(world, with_log(world, case=case))
+
+
+@reaches("log-proof-not-used")
+def proof_of_another_end_by_another_key_of_its_name(world):
+    def change(log, written):
+        log.find("case-closed").fields["root"] = "0" * 64
+    return by_proof_of_its_namesake(world, with_log(world, change))
+
+
+@reaches("log-proof-not-used")
+def proof_of_more_entries_by_another_key_of_its_name(world):
+    def change(log, written):
+        log.find("case-closed").fields["size"] = len(written.lines) + 1
+    return by_proof_of_its_namesake(world, with_log(world, change))
+
+
+@reaches("log-proof-not-used")
+def proof_by_another_key_of_its_name_whose_own_device_is_not_trusted(world):
+    given = by_proof_of_its_namesake(world, with_log(world))
+    return dataclasses.replace(given, devices=[NAMESAKE.key])
+
+
+@reaches("log-proof-not-used")
+def excerpt_by_the_proof_of_another_key_of_its_name(world):
+    other = by_proof_of_its_namesake(dataclasses.replace(world, folder=world.folder / "other"), with_log(dataclasses.replace(world, folder=world.folder / "other")))
+    return dataclasses.replace(excerpt(world), devices=other.devices, proof=other.proof, never=other.never)
 
 
 def excerpt_by_proof(world, size, change=lambda parts: None, **fields):

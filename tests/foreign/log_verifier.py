@@ -27,16 +27,13 @@ class KnownRoot:
 
 @dataclasses.dataclass(frozen=True)
 class Named:
-    """A device as the log names it: its text, its key where that is one, and whether the verifier trusts it."""
+    """A device as the log names it: its text, its key where that is one, and whether the verifier trusts it. Another key of its name is another device."""
     text: str | None
     key: object = None
     trusted: bool = False
 
     def is_also(self, other):
-        """Whether both are one device: by one key, or by two of one name that the verifier trusts."""
-        if self.text == other.text:
-            return True
-        return self.key is not None and other.key is not None and (self.key == other.key or (self.trusted and other.trusted and self.key.name == other.key.name))
+        return self.text == other.text or self.key is not None and self.key == other.key
 
 
 def named_device(text, trust):
@@ -164,13 +161,12 @@ class LogRead:
         self.of_case = named_device(opening["device"], trust) if opening else None
         self.case_id = opening["case"] if opening else None
         self.opened_by_another = self.told_by_another = self.stranger = None
-        self.had_case_key = False   # the log named the very key that the case names: its further keys are those that follow
         self.was_case_devices, self.accusing = False, 0   # lines that a checkpoint of the case's device covers
         first_named = None
         folder, report = self.folder, self.folder.report
         data = folder.read("ledger.jsonl") or b""
         self.ledger = Ledger(data, "appliance-log", 2, report)
-        device, origin, origins, mono, since_note, to_be_followed = None, None, [], 0, 0, []
+        device, origin, shown, mono, since_note, to_be_followed = None, None, [], 0, 0, []
         self.now = Named(None)   # the device as the newest entry says it
         named = None   # the device's key as the newest entry says it
         claims = []            # code, line and words of what counts once a checkpoint covers the line
@@ -207,7 +203,7 @@ class LogRead:
                             folder.covered_by_ml_dsa = folder.covered_by_hardware = 0
                         device, signer = later, str(later)
                         origin = f"kiroku/{device.name}/log"
-                        origins.append(origin)
+                        shown += [(origin, device)] if first_named is None else []   # another key that a line names is shown once it signed
                         self._judge_named(device)
                         folder.alone_until = folder.known_device(device).since
                         folder.hardware_alone_until = folder.known_device(device).hardware_since
@@ -216,7 +212,6 @@ class LogRead:
                 if kind in ("boot", "device-key-changed") and named is not None:
                     self.now = named_device(named, trust)
                     first_named = first_named or self.now
-                    self.had_case_key = self.had_case_key or self._has_key_of_case()
                     self.was_case_devices = self.was_case_devices or self._is_its_devices(self.case_id)
                 if kind == "device-ml-dsa-added":
                     self._judge_ml_dsa_key(entry["ml_dsa"], device, lambda code, text, at=number: claims.append((code, at, text)))
@@ -234,10 +229,11 @@ class LogRead:
                     claims = self._tell(claims, size, report)
                     if signer is not None:
                         fitting[signer] = size
+                        shown.append((origin, device))
                     if since_note > MOST_WITHOUT_THEIR_OWN:
                         report("log-signed-late", f"line {number}")
                     since_note = 0
-            kept_elsewhere = any(c.size == size and c.root == self.ledger.root(size) and c.origin == origin for c in outside)
+            kept_elsewhere = any(c.size == size and c.root == self.ledger.root(size) and c.origin == origin and device in keys for c, keys in outside)
             own = folder.covered == size or kept_elsewhere
             if own and self.of_case and self._is_its_devices(self.case_id):
                 self.accusing = size
@@ -272,7 +268,7 @@ class LogRead:
             self.consents.finish(len(self.ledger))
             boots.finish()
             folder.judge_keys(device, len(self.ledger), (0, 0))
-        folder.judge_outside(notes, origins, self.ledger, self.ledger.readable)
+        folder.judge_outside(notes, shown, self.ledger, self.ledger.readable)
         self.device = device
         if self.stranger and self.was_case_devices:
             report("log-not-tidy", f"the log names {self.stranger}")
@@ -296,12 +292,9 @@ class LogRead:
     def _is_its_devices(self, case):
         """Whether the log is the device's now that speaks for the case."""
         if self.of_case:
-            return self.of_case.text is not None and (self._has_key_of_case() or self.had_case_key and self.of_case.is_also(self.now))
+            return self.of_case.text is not None and self.of_case.is_also(self.now)
         known = self.cases.get(case)
         return known is None or known.device is None or known.device.text is None or known.device.is_also(self.now)
-
-    def _has_key_of_case(self):
-        return self.of_case is not None and self.of_case.text is not None and (self.now.text == self.of_case.text or self.now.key is not None and self.now.key == self.of_case.key)
 
     def _note_another(self, case, number):
         if self.told_by_another is None and (self.of_case is None or case == self.case_id):
@@ -400,7 +393,7 @@ class LogRead:
 
 
 def _held(notes, trust):
-    """Checkpoints kept outside that a trusted device signed."""
+    """Checkpoints kept outside that a trusted device signed, and the keys that did."""
     kept = []
     for each in kept_outside(notes):
         try:
@@ -409,8 +402,8 @@ def _held(notes, trust):
             continue
         signatures = [(key, s[2]) for key in trust.devices for s in checkpoint.signatures if s[:2] == (key.name, key.id)]
         signatures = [(key, signature) for key, signature in signatures if checkpoint.origin == f"kiroku/{key.name}/log"]
-        if any(note.holds(key.public, checkpoint.text, signature) and key.by_all(checkpoint) for key, signature in signatures):
-            kept.append(checkpoint)
+        if signed := {key for key, signature in signatures if note.holds(key.public, checkpoint.text, signature) and key.by_all(checkpoint)}:
+            kept.append((checkpoint, signed))
     return kept
 
 

@@ -463,9 +463,9 @@ class Folder:
                 continue
             self.report({"part": "part-file", "token": "token-not-entered", "segment": "segment-not-entered", "unnamed": "file-unnamed"}[answer], file.path)
 
-    def judge_outside(self, notes, origins, ledger, whole):
-        """Notes kept outside. `ledger` is None where there is none; `whole`: it is here to its end."""
-        alone, copies = [], {}   # those that are signed: the checkpoint, and whether keys beside Ed25519 are missing; of copies by copy
+    def judge_outside(self, notes, shown, ledger, whole):
+        """Notes kept outside. `shown`: origin and device of what is here; `ledger` is None where there is none; `whole`: it is here to its end."""
+        alone, copies = [], {}   # those that are signed: the checkpoint, whether keys beside Ed25519 are missing, and who signed it; of copies by copy
         for kept in kept_outside(notes):
             judged = self._judge_kept(kept)
             if kept.copy is None:
@@ -476,15 +476,18 @@ class Folder:
             else:
                 copies.setdefault(kept.copy, []).append((kept, judged))
         seen = alone + [(kept.name, *judged) for notes_of in copies.values() for kept, judged in notes_of if not isinstance(judged, str)]
-        for i, (name, one, lacks) in enumerate(seen):
-            against = [others_lack for _, o, others_lack in seen[:i] if (o.origin, o.size) == (one.origin, one.size) and o.root != one.root]
-            if against:
-                self.report("outside-note-not-by-both" if lacks or all(against) else "outside-notes-contradict", name)
+        for i, (name, one, lacks, keys) in enumerate(seen):
+            against = [(others_lack, keys & theirs) for _, o, others_lack, theirs in seen[:i] if (o.origin, o.size) == (one.origin, one.size) and o.root != one.root and keys & theirs]
+            ours = [others_lack for others_lack, both in against if not shown or any(device in both for _, device in shown)]
+            if ours:
+                self.report("outside-note-not-by-both" if lacks or all(ours) else "outside-notes-contradict", name)
+            elif against:
+                self.report("outside-note-of-other-origin", name)
 
-        def answer(checkpoint):
-            if not origins:
+        def answer(checkpoint, keys):
+            if not shown:
                 return "outside-note-unchecked"
-            if checkpoint.origin not in origins:
+            if not any(checkpoint.origin == origin and device in keys for origin, device in shown):
                 return "outside-note-of-other-origin"
             if ledger is not None and ledger.shows(checkpoint.size) and checkpoint.size <= ledger.known:
                 return "outside-note-holds" if ledger.root(checkpoint.size) == checkpoint.root else "outside-note-forked"
@@ -493,13 +496,13 @@ class Folder:
         def tell(name, code, lacks):
             accuses = code in ("outside-note-forked", "outside-note-rolled-back")
             self.report("outside-note-not-by-both" if lacks and accuses else code, name)
-        for name, checkpoint, lacks in alone:
-            tell(name, answer(checkpoint), lacks)
+        for name, checkpoint, lacks, keys in alone:
+            tell(name, answer(checkpoint, keys), lacks)
         for copy, notes_of in copies.items():
             answers = {}   # of each the newest note, one that is by all keys first
             for kept, judged in notes_of:
                 if not isinstance(judged, str):
-                    answers.setdefault(answer(judged[0]), []).append((not judged[1], judged[0].size, kept.name))
+                    answers.setdefault(answer(judged[0], judged[2]), []).append((not judged[1], judged[0].size, kept.name))
             told = [code for code in ("outside-note-forked", "outside-note-rolled-back") if code in answers]
             told = told or [code for code in ("outside-note-holds", "outside-note-unchecked", "outside-note-of-other-origin") if code in answers][:1]
             for code in told:
@@ -511,7 +514,7 @@ class Folder:
                 self.report("outside-note-invalid" if last[0] == 0 else last[1], str(copy))
 
     def _judge_kept(self, kept):
-        """Of a note kept outside its checkpoint, and whether it lacks a signature by a key beside Ed25519; a code where it says nothing."""
+        """Of a note kept outside its checkpoint, whether it lacks a signature by a key beside Ed25519, and who signed it; a code where it says nothing."""
         try:
             checkpoint = note.parse_checkpoint(kept.data)
         except note.Malformed:
@@ -525,7 +528,7 @@ class Folder:
         if checkpoint.size == 0:
             return "outside-note-unchecked"
         both = [k.by_all(checkpoint) for k, _ in signed]
-        return "outside-note-invalid" if False in both else (checkpoint, None in both)
+        return "outside-note-invalid" if False in both else (checkpoint, None in both, {k for k, _ in signed})
 
     def judge_proof(self, case_id, ledger, device=None, part=None):
         """A proof of the case's end in the log. `ledger` is None where there is none; `part`: of an excerpt, to how many entries its lines lead.
@@ -550,6 +553,8 @@ class Folder:
             return self._answer("log-proof-not-used", "no end of this case")
         if device is None or checkpoint.origin != f"kiroku/{device.name}/log":
             return self._answer("log-proof-not-used", "of the log of another device than the case's")
+        if all(k != device for k, _ in signed):
+            return self._answer("log-proof-not-used", "by another key of the name of the case's device")
         size, root = entry["size"], bytes.fromhex(entry["root"])
         by = (any(k.ml_dsa and k == device for k, _ in signed), False)
         if part is None:

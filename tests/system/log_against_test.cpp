@@ -172,6 +172,78 @@ TEST_F(LogAgainst, WhatCannotBeComparedIsNoAnswer) {
   EXPECT_REFUSED(kiroku({"log", "--verify", "--against", path("empty")}), "no checkpoint in");
 }
 
+// Two machines were set up under one name, each with a key of its own, and the verifier trusts both.
+TEST_F(LogAgainst, ANoteOfAnotherMachineOfTheSameNameAccusesNobody) {
+  const std::string own_key = read_text(home() / "device.pub");
+  const std::string name = own_key.substr(0, own_key.find('+'));
+  const fs::path namesake = folder() / "namesake";
+  ASSERT_EQ(kiroku({"init", "--demo", "--home", namesake.string(), "--device-name", name}).status, 0);
+  const auto record_there = [&] {
+    return run_process(options({"record", "--endoscope", "synthetic:endoscope?size=160x120&speed=max",
+                                "--duration", "00:00:02", "--home", namesake.string()}))
+        .status;
+  };
+  ASSERT_EQ(record_there(), 0);
+  const Arguments both{"--device", (home() / "device.pub").string(), "--device",
+                       (namesake / "device.pub").string()};
+  const auto judged_by_both = [&](Arguments arguments) {
+    arguments.insert(arguments.end(), both.begin(), both.end());
+    arguments.emplace_back("--json");
+    return small_verifier(arguments);
+  };
+  const auto expect_not_compared = [&](const ProcessResult& judged) {
+    EXPECT_EQ(judged.status, 3) << judged.out << judged.err;
+    EXPECT_THAT(about_notes(judged.out), testing::ElementsAre("outside-note-of-other-origin"));
+  };
+  // As many entries in both logs, then more there, then fewer.
+  const std::string same = keep_newest(namesake, "same.note");
+  ASSERT_EQ(record_there(), 0);
+  const std::string more = keep_newest(namesake, "more.note");
+  for (const std::string& note : {same, more, log_of(namesake).string()})
+    expect_not_compared(judged_by_both({"--as-log", log_of(home()).string(), "--against", note}));
+  expect_not_compared(judged_by_both({case_.string(), "--log", log_of(home()).string(), "--against", more}));
+  const std::string own = keep_newest(home(), "own.note");
+  ProcessResult judged =
+      judged_by_both({"--as-log", log_of(home()).string(), "--against", same, "--against", own});
+  EXPECT_EQ(judged.status, 3) << judged.out << judged.err;
+  EXPECT_THAT(about_notes(judged.out),
+              testing::UnorderedElementsAre("outside-note-holds", "outside-note-of-other-origin"));
+  // Each by its own: both hold.
+  EXPECT_EQ(judged_by_both({"--as-log", log_of(home()).string(), "--against", own}).status, 0);
+  EXPECT_EQ(judged_by_both({"--as-log", log_of(namesake).string(), "--against", more}).status, 0);
+}
+
+// Whoever has the other machine's key carries a copy of the log on, and proves by it what they like.
+TEST_F(LogAgainst, AnotherMachineOfTheSameNameCarriesNoLogOnAndProvesNoEnd) {
+  const std::string own_key = read_text(home() / "device.pub");
+  const std::string name = own_key.substr(0, own_key.find('+'));
+  const std::string proof = path("case.tlog-proof");
+  const Arguments devices{"--device", (home() / "device.pub").string(), "--device",
+                          path("namesake/device.pub")};
+  ASSERT_EQ(kiroku({"init", "--demo", "--home", path("namesake"), "--device-name", name}).status, 0);
+  fs::remove_all(folder() / "namesake/archive");
+  fs::copy(home() / "archive", folder() / "namesake/archive", fs::copy_options::recursive);
+  ASSERT_EQ(run_process(options({"record", "--endoscope", "synthetic:endoscope?size=160x120&speed=max",
+                                 "--duration", "00:00:02", "--home", path("namesake")}))
+                .status,
+            0);
+  const fs::path copied = folder() / "namesake/archive" / case_.filename();
+  const ProcessResult refused =
+      kiroku({"log", "prove", copied.string(), "--home", path("namesake"), "-o", proof});
+  EXPECT_EQ(refused.status, 2) << refused.out << refused.err;
+  EXPECT_THAT(refused.err, HasSubstr("names another device"));
+  EXPECT_FALSE(fs::exists(proof));
+  // Beside the case its log says what the case's own device signed of it, and no more.
+  Arguments arguments{case_.string(), "--log", path("namesake/archive/log"), "--json"};
+  arguments.insert(arguments.end(), devices.begin(), devices.end());
+  const ProcessResult judged = small_verifier(arguments);
+  const nlohmann::json report = nlohmann::json::parse(judged.out);
+  EXPECT_NE(report["verdict"], "tampered") << judged.out;
+  for (const auto& each : report["findings"])
+    EXPECT_THAT(each["code"].get<std::string>(), testing::Not(testing::StartsWith("log-"))) << judged.out;
+  EXPECT_TRUE(report["log"]["end"].get<bool>()) << "in its own device's lines";
+}
+
 TEST_F(LogAgainst, ACaseIsComparedWithItsReceipt) {
   const std::string receipt = path("receipt.note");
   fs::copy_file(notes_of(case_).back(), receipt);

@@ -47,7 +47,7 @@ TEST(TlogProof, AnotherImplementationsProofHoldsAndIsWrittenAgain) {
       verify_tlog_proof(*parsed.proof, bytes_of(kOakEntry), {kOakLog}, kOakOrigin);
   ASSERT_TRUE(verified.checkpoint) << verified.why;
   EXPECT_EQ(verified.checkpoint->size, 4U);
-  EXPECT_EQ(verified.signer, kOakLog);
+  EXPECT_THAT(verified.signers, testing::ElementsAre(kOakLog));
   const auto policy = WitnessPolicy::parse("witness w1 " + std::string(kOakWitness) + "\nquorum w1\n", "p");
   const WitnessedNote judged = judge_witnesses(policy, parsed.proof->note, 1'800'000'000);
   EXPECT_TRUE(judged.quorum);
@@ -71,6 +71,28 @@ TEST(TlogProof, AnEntryOfARealLogLeadsToItsRoot) {
   const std::vector<VerifierKey> keys{VerifierKey("tesseroak", key.public_key())};
   EXPECT_TRUE(verify_tlog_proof(*parsed.proof, bytes_of("hello tesseroak\n"), keys, "tesseroak").checkpoint);
   EXPECT_FALSE(verify_tlog_proof(*parsed.proof, bytes_of("hello tesseroak"), keys, "tesseroak").checkpoint);
+}
+
+TEST(TlogProof, TellsWhichOfSeveralKeysOfOneNameSignedIt) {
+  const SigningKey one = SigningKey::generate(), other = SigningKey::generate(),
+                   third = SigningKey::generate();
+  const std::vector<VerifierKey> keys{VerifierKey("or-1", one.public_key()),
+                                      VerifierKey("or-1", other.public_key()),
+                                      VerifierKey("or-1", third.public_key())};
+  const Sha256Digest root = merkle_leaf_hash(bytes_of("entry"));
+  const std::string text = Checkpoint{"kiroku/or-1/log", 1, root}.to_text();
+  const auto signers_of = [&](const std::string& note) {
+    TlogProof proof;
+    proof.note = note;
+    const VerifiedTlogProof verified = verify_tlog_proof(proof, bytes_of("entry"), keys, "kiroku/or-1/log");
+    EXPECT_TRUE(verified.checkpoint) << verified.why;
+    return verified.signers;
+  };
+  const std::string by_other = sign_note(text, "or-1", other);
+  EXPECT_THAT(signers_of(by_other), testing::ElementsAre(keys[1]));
+  const std::string by_third = sign_note(text, "or-1", third);
+  EXPECT_THAT(signers_of(by_other + by_third.substr(by_third.rfind("\u2014"))),
+              testing::ElementsAre(keys[1], keys[2]));
 }
 
 TEST(TlogProof, ShowsNothingWhereAnythingIsAnother) {

@@ -169,6 +169,17 @@ TEST_F(LogHistories, LogsOfDifferentDevicesAreNotCompared) {
       HistoryRelation::kOtherDevices);
 }
 
+TEST_F(LogHistories, TwoKeysOfOneNameAreTwoDevices) {
+  WrittenLog namesake(folder / "namesake", "or3", other_key);
+  namesake.add(opened("9"));
+  const std::vector<crypto::VerifierKey> known{crypto::VerifierKey("or3", key.public_key()),
+                                               crypto::VerifierKey("or3", other_key.public_key())};
+  for (const LogHistory& one : {log.read(), log.kept(2), log.kept(1)}) {
+    for (const LogHistory& other : {namesake.read(), namesake.kept(2)})
+      EXPECT_EQ(compare_histories(one, other, known).relation, HistoryRelation::kOtherDevices) << one.name;
+  }
+}
+
 TEST_F(LogHistories, AKeptCheckpointIsOfTheLogOrOfAnotherHistory) {
   HistoryComparison compared = compare_histories(log.kept(1), log.read(), {});
   EXPECT_EQ(compared.relation, HistoryRelation::kFirstBegins);
