@@ -157,7 +157,7 @@ bool CaseShelf::bring_ledger(Kept& kept, const Name& name) {
   kept.is_there = true;
   if (is_same) return false;
   kept.segments =
-      std::make_shared<const StoredSegments>(store_, cache_, name.first + "/" + name.second + "/");
+      std::make_shared<StoredSegments>(store_, cache_, ahead_, name.first + "/" + name.second + "/");
   read_ledger(kept);
   return true;
 }

@@ -88,8 +88,8 @@ class NewFile {
       bytes = bytes.subspan(static_cast<std::size_t>(written));
     }
   }
-  std::string finish() {
-    if (::fsync(file_.number()) != 0) throw IoError("flush", path_, errno);
+  std::string finish(bool flush) {
+    if (flush && ::fsync(file_.number()) != 0) throw IoError("flush", path_, errno);
     return crypto::to_hex(hash_.finish());
   }
   [[nodiscard]] std::uint64_t size() const { return size_; }
@@ -115,6 +115,8 @@ class Fetching {
 
   /// Its ledger alone; whether there is one.
   bool run_ledger() {
+    // Whoever looks at a ledger alone fetches it anew where it is gone: nobody waits for the disk.
+    flushes_ = false;
     const std::string ledger(archive::kLedgerFile);
     list_files(ledger);
     list_parts();
@@ -294,7 +296,7 @@ class Fetching {
                   " bytes where it told of " +
                   std::to_string(bytes != told.bytes ? told.bytes : version.bytes) + ": try again");
     }
-    std::string hash = before == 0 ? file.finish() : "";
+    std::string hash = before == 0 ? file.finish(flushes_) : "";
     if (before == 0 && !told.sha256.empty() && told.sha256 != hash) {
       result_.remarks.push_back(version.key + " is not what was put: the store tells of another SHA-256");
     }
@@ -318,7 +320,7 @@ class Fetching {
       }
       download(part, ledger);
     }
-    ledger.finish();
+    ledger.finish(flushes_);
   }
 
   /// Whoever has the appliance's keys can put other versions; what is named by its hash lies among the older
@@ -436,6 +438,7 @@ class Fetching {
   const WhichVersions which_;
   const UnreadableObjects unreadable_;
   std::uint64_t listed_ = 0;
+  bool flushes_ = true;
   bool ledger_chosen_ = false;  // by the case that it names, and not as the first choice
   std::map<std::string, std::vector<ListedVersion>> versions_;  // by the file's name, newest first
   std::map<std::string, ListedVersion> parts_;  // by their names, which sort as their bytes do
@@ -495,7 +498,7 @@ void fetch_statements(ObjectStore& store, const std::string& appliance, const st
       NewFile file(folder / name, O_TRUNC);
       store.get(version.key, version.version, version.bytes, [&](ByteView bytes) { file.write(bytes); });
       if (file.size() != version.bytes) throw Error("it has another length than the store told");
-      file.finish();
+      file.finish(true);
       ++fetched.objects;
       fetched.bytes += version.bytes;
     } catch (const Error& error) {
