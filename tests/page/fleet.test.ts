@@ -59,7 +59,10 @@ function searchNote(site: Buffer, caseId: string, patient: string, code: string)
   const series = random + mac(site, 'kiroku search series', 'or-1', random).subarray(0, 8).toString('hex');
   const chain = Buffer.from(hkdfSync('sha256', site, series, 'kiroku search appliance\nor-1', 32));
   const key = mac(chain, 'kiroku search note');
-  const word = (...what: string[]) => mac(key, 'kiroku search word', caseId, ...what).subarray(0, 16).toString('hex');
+  const word = (...what: string[]) =>
+    mac(key, 'kiroku search word', caseId, ...what)
+      .subarray(0, 16)
+      .toString('hex');
   const unknown = () => randomBytes(16).toString('hex');
   const words = word('patient', patient) + unknown() + word('procedure', code) + unknown();
   const whole = mac(key, 'kiroku search mac', caseId, series, '0', caseId, series, '0', words).toString('hex');
