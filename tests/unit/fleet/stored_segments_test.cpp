@@ -1,15 +1,13 @@
 #include "fleet/stored_segments.h"
 
 #include <atomic>
-#include <chrono>
-#include <functional>
 #include <memory>
-#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/support/eventually.h"
 #include "tests/support/scripted_server.h"
 
 namespace kiroku::fleet {
@@ -125,13 +123,6 @@ std::string listing_of(const std::string& sealed) {
           std::to_string(sealed.size()) + "</Size></Version></ListVersionsResult>");
 }
 
-void wait_until(const std::function<bool()>& holds) {
-  constexpr std::chrono::seconds kPatience{20};
-  const auto end = std::chrono::steady_clock::now() + kPatience;
-  while (!holds() && std::chrono::steady_clock::now() < end)
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-}
-
 TEST(StoredSegments, HasWhatIsExpectedBeforeItIsOpened) {
   OneAnswer store(listing_of("sealed"));
   store.server().answer_ranges_with(partial("sealed"));
@@ -139,7 +130,7 @@ TEST(StoredSegments, HasWhatIsExpectedBeforeItIsOpened) {
   FetchingAhead ahead;
   const auto segments = std::make_shared<StoredSegments>(store.connections(), cache, ahead, "or-1/x/");
   segments->expect(entry_of("sealed"));
-  wait_until([&] { return cache.fetched_bytes() == 6; });
+  ASSERT_TRUE(test::eventually([&] { return cache.fetched_bytes() == 6; }));
   ASSERT_EQ(store.server().requests(), 2U) << "a list, and the one range";
   segments->expect(entry_of("sealed"));
   Bytes bytes(6);
@@ -156,7 +147,7 @@ TEST(StoredSegments, AsksForAllRangesOfWhatIsOpenedFirst) {
   FetchingAhead ahead;
   const StoredSegments segments(store.connections(), cache, ahead, "or-1/x/");
   const auto source = segments.open(entry_of(sealed));
-  wait_until([&] { return cache.fetched_bytes() == RangeCache::kRangeBytes; });
+  ASSERT_TRUE(test::eventually([&] { return cache.fetched_bytes() == RangeCache::kRangeBytes; }));
   EXPECT_EQ(cache.fetched_bytes(), RangeCache::kRangeBytes) << "nobody reads yet";
   (void)segments.open(entry_of(sealed));
   Bytes bytes(sealed.size());
@@ -170,7 +161,7 @@ TEST(StoredSegments, SaysOfWhatWasExpectedInVainOnlyWhenItIsOpened) {
   FetchingAhead ahead;
   const auto segments = std::make_shared<StoredSegments>(store.connections(), cache, ahead, "or-1/x/");
   segments->expect(entry_of("sealed"));
-  wait_until([&] { return store.server().requests() > 0; });
+  ASSERT_TRUE(test::eventually([&] { return store.server().requests() > 0; }));
   EXPECT_THROW((void)segments->open(entry_of("sealed")), StoreError);
   store.server().answer_with(listing_of("sealed"));
   EXPECT_EQ(segments->open(entry_of("sealed"))->size(), 6U);
@@ -184,16 +175,15 @@ TEST(FetchingAhead, DoesSeveralThingsAtOnceAndForgetsTheOldestOfTooMany) {
     for (std::size_t i = 0; i < FetchingAhead::kThreads; ++i) {
       ahead.add([&] {
         ++running;
-        wait_until([&] { return may_end.load(); });
+        (void)test::eventually([&] { return may_end.load(); });
         throw Error("nobody asked");
       });
     }
-    wait_until([&] { return running == FetchingAhead::kThreads; });
-    EXPECT_EQ(running, FetchingAhead::kThreads);
+    EXPECT_TRUE(test::eventually([&] { return running == FetchingAhead::kThreads; }));
     ahead.add([&] { done += 1000; });
     for (std::size_t i = 0; i < FetchingAhead::kMostWaiting; ++i) ahead.add([&] { ++done; });
     may_end = true;
-    wait_until([&] { return done >= FetchingAhead::kMostWaiting; });
+    EXPECT_TRUE(test::eventually([&] { return done >= FetchingAhead::kMostWaiting; }));
   }
   EXPECT_EQ(done, FetchingAhead::kMostWaiting) << "the oldest that waited is forgotten";
 }
