@@ -21,6 +21,8 @@ namespace fs = std::filesystem;
 
 /// A case that is not closed grows; one that is may be erased from, or renewed.
 constexpr std::chrono::seconds kGrowingStays{15}, kClosedStays{600};
+/// Hundreds of proofs would stand in the way of the segments that the first pictures need.
+constexpr std::chrono::milliseconds kPicturesFirst{1000};
 /// Before proofs that could not be fetched are tried again.
 constexpr std::chrono::seconds kPause{15};
 /// Of a day with a time-stamp a minute from each of ten authorities.
@@ -67,13 +69,23 @@ bool is_proof(const std::string& file) {
 struct CaseShelf::Kept {
   explicit Kept(fs::path case_folder) : folder(std::move(case_folder)) {}
   ~Kept() {
-    stop = true;
-    if (fetching.joinable()) fetching.join();
+    end_fetching();
     std::error_code ignored;
     fs::remove_all(folder.parent_path().parent_path(), ignored);
   }
   Kept(const Kept&) = delete;
   Kept& operator=(const Kept&) = delete;
+
+  /// Waits for the file that is being fetched.
+  void end_fetching() {
+    {
+      const std::lock_guard guard(mutex);
+      stop = true;
+    }
+    wake.notify_all();
+    if (fetching.joinable()) fetching.join();
+    stop = false;
+  }
 
   const fs::path folder;
   std::mutex busy;  // guards what follows up to the next mutex
@@ -86,6 +98,7 @@ struct CaseShelf::Kept {
   Place::Proofs proofs = Place::Proofs::kComing;
   std::string problem;
   Clock::Time failed{};
+  std::condition_variable wake;
   std::atomic<bool> stop{false};
 };
 
@@ -135,9 +148,12 @@ std::optional<CaseShelf::Place> CaseShelf::find(const std::string& appliance, co
     place.problem = kept->problem;
   }
   if (has_changed) {
-    kept->stop = true;
-    if (kept->fetching.joinable()) kept->fetching.join();
-    kept->stop = false;
+    kept->end_fetching();
+    {
+      // What was cut off just now has said that it failed.
+      const std::lock_guard guard(kept->mutex);
+      kept->proofs = Place::Proofs::kComing;
+    }
     kept->fetching = std::thread(
         [this, &of = *kept, name, ledger = kept->ledger] { bring_proofs(of, name, ledger.get()); });
   }
@@ -157,7 +173,7 @@ bool CaseShelf::bring_ledger(Kept& kept, const Name& name) {
   kept.is_there = true;
   if (is_same) return false;
   kept.segments =
-      std::make_shared<const StoredSegments>(store_, cache_, name.first + "/" + name.second + "/");
+      std::make_shared<StoredSegments>(store_, cache_, ahead_, name.first + "/" + name.second + "/");
   read_ledger(kept);
   return true;
 }
@@ -201,6 +217,10 @@ void CaseShelf::bring_proofs(Kept& kept, const Name& name, const archive::CaseRe
     kept.failed = clock_.now();
   };
   try {
+    {
+      std::unique_lock lock(kept.mutex);
+      clock_.wait_for(kept.wake, lock, kPicturesFirst, [&kept] { return kept.stop.load(); });
+    }
     const std::string prefix = name.first + "/" + name.second + "/";
     std::vector<Proof> proofs;
     std::map<std::string, std::size_t> at;

@@ -61,6 +61,7 @@ class CaseShelf {
   StoreConnections& store_;
   const Clock& clock_;
   RangeCache cache_;
+  FetchingAhead ahead_;  // behind the cache, which it fills
   std::atomic<bool> stopping_{false};
   std::mutex mutex_;  // guards the three below, not what they refer to
   std::uint64_t made_ = 0;

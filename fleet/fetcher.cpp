@@ -88,9 +88,13 @@ class NewFile {
       bytes = bytes.subspan(static_cast<std::size_t>(written));
     }
   }
-  std::string finish() {
-    if (::fsync(file_.number()) != 0) throw IoError("flush", path_, errno);
+  std::string finish(bool flush) {
+    if (flush && ::fsync(file_.number()) != 0) throw IoError("flush", path_, errno);
     return crypto::to_hex(hash_.finish());
+  }
+  /// Of an empty one: that many bytes, which take no room.
+  void resize(std::uint64_t bytes) {
+    if (::ftruncate(file_.number(), static_cast<off_t>(bytes)) != 0) throw IoError("write", path_, errno);
   }
   [[nodiscard]] std::uint64_t size() const { return size_; }
 
@@ -105,16 +109,20 @@ class NewFile {
 class Fetching {
  public:
   Fetching(ObjectStore& store, std::string prefix, std::string case_id, fs::path folder, WhichVersions which,
-           UnreadableObjects unreadable = UnreadableObjects::kThrow)
+           UnreadableObjects unreadable = UnreadableObjects::kThrow,
+           SegmentBytes segments = SegmentBytes::kFetched)
       : store_(store),
         prefix_(std::move(prefix)),
         case_id_(std::move(case_id)),
         folder_(std::move(folder)),
         which_(which),
-        unreadable_(unreadable) {}
+        unreadable_(unreadable),
+        segments_(segments) {}
 
   /// Its ledger alone; whether there is one.
   bool run_ledger() {
+    // Whoever looks at a ledger alone fetches it anew where it is gone: nobody waits for the disk.
+    flushes_ = false;
     const std::string ledger(archive::kLedgerFile);
     list_files(ledger);
     list_parts();
@@ -151,6 +159,8 @@ class Fetching {
     for (const auto& [path, versions] : versions_) {
       if (path == archive::kLedgerFile) {
         take_ledger(versions);
+      } else if (stays_in_store(path, versions)) {
+        leave_in_store(path, versions.front());
       } else {
         take(path, of_first_choice(versions));
       }
@@ -211,7 +221,9 @@ class Fetching {
   void require_room() {
     std::uint64_t needed = 0;
     const auto add = [&](std::uint64_t bytes) { needed += std::min(bytes, UINT64_MAX - needed); };
-    for (const auto& each : versions_) add(of_first_choice(each.second).bytes);
+    for (const auto& each : versions_) {
+      if (!stays_in_store(each.first, each.second)) add(of_first_choice(each.second).bytes);
+    }
     for (const auto& each : parts_) add(each.second.bytes);
     std::error_code unknown;
     const fs::space_info space = fs::space(folder_.parent_path(), unknown);
@@ -273,6 +285,17 @@ class Fetching {
       }
     }
   }
+  [[nodiscard]] bool stays_in_store(const std::string& path,
+                                    const std::vector<ListedVersion>& versions) const {
+    return segments_ == SegmentBytes::kInStore && versions.size() == 1 &&
+           path.starts_with(std::string(archive::kSegmentsFolder) + "/");
+  }
+  void leave_in_store(const std::string& path, const ListedVersion& version) {
+    make_folders((folder_ / path).parent_path());
+    NewFile(folder_ / path, O_TRUNC).resize(version.bytes);
+    result_.in_store.emplace(path, version);
+    ++result_.objects;
+  }
   void write(const std::string& path, const ListedVersion& version) {
     NewFile file(folder_ / path, O_TRUNC);
     hashes_[path] = download(version, file);
@@ -294,7 +317,7 @@ class Fetching {
                   " bytes where it told of " +
                   std::to_string(bytes != told.bytes ? told.bytes : version.bytes) + ": try again");
     }
-    std::string hash = before == 0 ? file.finish() : "";
+    std::string hash = before == 0 ? file.finish(flushes_) : "";
     if (before == 0 && !told.sha256.empty() && told.sha256 != hash) {
       result_.remarks.push_back(version.key + " is not what was put: the store tells of another SHA-256");
     }
@@ -318,7 +341,7 @@ class Fetching {
       }
       download(part, ledger);
     }
-    ledger.finish();
+    ledger.finish(flushes_);
   }
 
   /// Whoever has the appliance's keys can put other versions; what is named by its hash lies among the older
@@ -368,6 +391,8 @@ class Fetching {
       // What has no such name was never in a store, and must not be sought or put under it.
       const bool may_be_there = may_be_file_of_case(path);
       if (!versions_.contains(path) && (!may_be_there || result_.unfit.size() >= kMostUnfit)) return;
+      // Of a single version there is nothing to choose.
+      if (result_.in_store.contains(path)) return;
       // What the first line says counts: others may stand behind all that the device signed.
       if (!wanted_.insert(path).second) return;
       const auto taken = hashes_.find(path);
@@ -435,7 +460,9 @@ class Fetching {
   const fs::path folder_;
   const WhichVersions which_;
   const UnreadableObjects unreadable_;
+  const SegmentBytes segments_;
   std::uint64_t listed_ = 0;
+  bool flushes_ = true;
   bool ledger_chosen_ = false;  // by the case that it names, and not as the first choice
   std::map<std::string, std::vector<ListedVersion>> versions_;  // by the file's name, newest first
   std::map<std::string, ListedVersion> parts_;  // by their names, which sort as their bytes do
@@ -446,7 +473,8 @@ class Fetching {
 
 FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::string& name,
                   const fs::path& into, WhichVersions which,
-                  UnreadableObjects unreadable = UnreadableObjects::kThrow) {
+                  UnreadableObjects unreadable = UnreadableObjects::kThrow,
+                  SegmentBytes segments = SegmentBytes::kFetched) {
   const fs::path folder = into / name, part = into / (".fetching-" + name);
   if (std::error_code ignored; fs::exists(fs::symlink_status(folder, ignored))) {
     throw UsageError(folder.string() + " is there already: give another folder with -o");
@@ -454,7 +482,7 @@ FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::s
   std::error_code failed;
   fs::remove_all(part, failed);
   if (failed) throw IoError("remove", part, failed.value());
-  FetchedCase result = Fetching(store, appliance + "/", name, part, which, unreadable).run();
+  FetchedCase result = Fetching(store, appliance + "/", name, part, which, unreadable, segments).run();
   fs::rename(part, folder, failed);
   if (failed) throw IoError("rename", part, failed.value());
   result.folder = folder;
@@ -495,7 +523,7 @@ void fetch_statements(ObjectStore& store, const std::string& appliance, const st
       NewFile file(folder / name, O_TRUNC);
       store.get(version.key, version.version, version.bytes, [&](ByteView bytes) { file.write(bytes); });
       if (file.size() != version.bytes) throw Error("it has another length than the store told");
-      file.finish();
+      file.finish(true);
       ++fetched.objects;
       fetched.bytes += version.bytes;
     } catch (const Error& error) {
@@ -529,11 +557,12 @@ bool fetch_ledger(ObjectStore& store, const std::string& appliance, const std::s
 }
 
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
-                       const fs::path& into, WhichVersions which, UnreadableObjects unreadable) {
+                       const fs::path& into, WhichVersions which, UnreadableObjects unreadable,
+                       SegmentBytes segments) {
   if (!archive::is_case_id(case_id)) {
     throw UsageError("'" + printable(case_id) + "' is no case identifier such as 20260805T091502Z-3f9c21ab");
   }
-  FetchedCase fetched = fetch(store, appliance, case_id, into, which, unreadable);
+  FetchedCase fetched = fetch(store, appliance, case_id, into, which, unreadable, segments);
   fetch_statements(store, appliance, case_id, fetched);
   return fetched;
 }

@@ -38,6 +38,9 @@ struct FetchedCase {
   std::vector<UnfitFile> unfit;
   /// The newest version of the ledger is of no case or of another one, and an older one was taken.
   bool ledger_is_older = false;
+  /// Segments whose bytes were left in the store, by their paths: the version that they are. In the folder
+  /// are files of their sizes without them (fleet/stored_reading.h).
+  std::map<std::string, ListedVersion> in_store;
   /// What was left out as the store lists it and does not give it, by its path, and why.
   std::map<std::string, std::string> unreadable;
 };
@@ -48,6 +51,9 @@ bool may_be_file_of_case(std::string_view path);
 enum class WhichVersions { kNewest, kOldest };
 /// What becomes of an object that the store lists and does not give, while it answers otherwise.
 enum class UnreadableObjects { kThrow, kLeaveOut };
+/// Whether segments come with their bytes. Those of several versions do: which of them the ledger names is
+/// told by their bytes alone.
+enum class SegmentBytes { kFetched, kInStore };
 /// Makes `into`/<case>, which must not be there. Of a file that the ledger names with a hash, where the
 /// version that was chosen has another, the one that has it is taken; of a ledger that is of another case,
 /// one of this case. What other devices stated of the case (archive/format/store_statement.h) comes into
@@ -58,7 +64,8 @@ enum class UnreadableObjects { kThrow, kLeaveOut };
 /// ".fetching-<case>", which the next try removes.
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
                        const std::filesystem::path& into, WhichVersions which = WhichVersions::kNewest,
-                       UnreadableObjects unreadable = UnreadableObjects::kThrow);
+                       UnreadableObjects unreadable = UnreadableObjects::kThrow,
+                       SegmentBytes segments = SegmentBytes::kFetched);
 
 /// Likewise `into`/log, an appliance's log as far as it is in the store.
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const std::filesystem::path& into);

@@ -13,6 +13,9 @@
 namespace kiroku::fleet {
 namespace {
 
+/// Of one segment; whoever reads a longer one waits for the rest as it comes.
+constexpr std::uint64_t kMostRangesAhead = 8;
+
 /// One version of an object.
 class StoredSource final : public crypto::ByteSource {
  public:
@@ -108,16 +111,67 @@ std::unique_ptr<crypto::ByteSource> StoredSegments::open(const archive::FileRefe
   if (!is_plain_key(file.file) || file.bytes > archive::kMaximumSealedBytes)
     throw Error("the ledger names '" + printable(file.file) + "' with " + std::to_string(file.bytes) +
                 " bytes, which no store has of Kiroku");
-  return std::make_unique<StoredSource>(store_, cache_, prefix_ + file.file, version_of(file), file.bytes);
+  const auto [version, is_new] = version_of(file);
+  // The first range is read by whoever opens it.
+  if (is_new) fetch_ranges(file, version, 1);
+  return std::make_unique<StoredSource>(store_, cache_, prefix_ + file.file, version, file.bytes);
+}
+
+void StoredSegments::expect(const archive::SegmentEntry& segment) const {
+  const archive::FileReference& file = segment.file;
+  if (!is_plain_key(file.file) || file.bytes > archive::kMaximumSealedBytes) return;
+  {
+    const std::lock_guard guard(mutex_);
+    if (versions_.contains({file.file, file.sha256})) return;
+  }
+  ahead_.add([of = weak_from_this(), file] {
+    const auto segments = of.lock();
+    if (!segments) return;
+    if (const auto [version, is_new] = segments->version_of(file); is_new)
+      segments->fetch_ranges(file, version, 0);
+  });
+}
+
+void StoredSegments::fetch_ranges(const archive::FileReference& file, const std::string& version,
+                                  std::uint64_t from) const {
+  const std::uint64_t most = from + kMostRangesAhead;
+  for (std::uint64_t number = from; number < most && number * RangeCache::kRangeBytes < file.bytes;
+       ++number) {
+    ahead_.add([&store = store_, &cache = cache_, key = prefix_ + file.file, version, size = file.bytes,
+                number] { static_cast<void>(cache.get(store, key, version, size, number)); });
+  }
+}
+
+std::pair<std::string, bool> StoredSegments::version_of(const archive::FileReference& file) const {
+  const Choice choice{file.file, file.sha256};
+  std::promise<std::string> promise;
+  {
+    std::unique_lock lock(mutex_);
+    if (const auto known = versions_.find(choice); known != versions_.end()) {
+      const std::shared_future<std::string> version = known->second;
+      lock.unlock();
+      return {version.get(), false};
+    }
+    versions_[choice] = promise.get_future().share();
+  }
+  const auto forget = [&] {
+    const std::lock_guard guard(mutex_);
+    versions_.erase(choice);
+  };
+  try {
+    Chosen chosen = choose_version(file);
+    if (!chosen.is_recorded) forget();
+    promise.set_value(chosen.version);
+    return {std::move(chosen.version), true};
+  } catch (...) {
+    forget();
+    promise.set_exception(std::current_exception());
+    throw;
+  }
 }
 
 // Whoever has the appliance's keys can put other versions; what the ledger names lies among the older ones.
-std::string StoredSegments::version_of(const archive::FileReference& file) const {
-  const Choice choice{file.file, file.sha256};
-  {
-    const std::lock_guard guard(mutex_);
-    if (const auto known = versions_.find(choice); known != versions_.end()) return known->second;
-  }
+StoredSegments::Chosen StoredSegments::choose_version(const archive::FileReference& file) const {
   const std::string key = prefix_ + file.file;
   bool is_there = false;
   std::vector<ListedVersion> versions;  // of the size that is stated, the newest in front
@@ -143,9 +197,8 @@ std::string StoredSegments::version_of(const archive::FileReference& file) const
   };
   // Of a single one the hash is compared by whoever reads it.
   const auto chosen = versions.size() == 1 ? versions.begin() : std::ranges::find_if(versions, has_the_hash);
-  if (chosen == versions.end()) return versions.front().version;
-  const std::lock_guard guard(mutex_);
-  return versions_[choice] = chosen->version;
+  if (chosen == versions.end()) return {versions.front().version, false};
+  return {chosen->version};
 }
 
 }  // namespace kiroku::fleet

@@ -14,6 +14,7 @@
 #include "archive/format/ledger_entry.h"
 #include "archive/reading/sealed_source.h"
 #include "crypto/byte_source.h"
+#include "fleet/fetching_ahead.h"
 #include "fleet/store_connections.h"
 
 namespace kiroku::fleet {
@@ -51,28 +52,40 @@ class RangeCache {
   std::uint64_t fetched_ = 0;
 };
 
-/// The segments of one appliance's case. Thread-safe.
-class StoredSegments final : public archive::SealedSource {
+/// The segments of one appliance's case. Thread-safe. A segment is hashed whole when it is opened first: all
+/// its ranges are asked for at once then.
+class StoredSegments final : public archive::SealedSource,
+                             public std::enable_shared_from_this<StoredSegments> {
  public:
-  /// Both must outlive the object and what it opens. `prefix` is that of the case's objects:
-  /// "or-1/20260805T091502Z-3f9c21ab/".
-  StoredSegments(StoreConnections& store, RangeCache& cache, std::string prefix)
-      : store_(store), cache_(cache), prefix_(std::move(prefix)) {}
+  /// `store` and `cache` must outlive the object, what it opens, and `ahead`, which must outlive the object.
+  /// `prefix` is that of the case's objects: "or-1/20260805T091502Z-3f9c21ab/".
+  StoredSegments(StoreConnections& store, RangeCache& cache, FetchingAhead& ahead, std::string prefix)
+      : store_(store), cache_(cache), ahead_(ahead), prefix_(std::move(prefix)) {}
 
   /// Where the object has several versions, the newest that has the entry's hash. Throws StoreError, and
   /// kiroku::Error where no version can be the segment.
   [[nodiscard]] std::unique_ptr<crypto::ByteSource> open(const archive::SegmentEntry& segment) const override;
   /// The same of any file that the ledger names.
   [[nodiscard]] std::unique_ptr<crypto::ByteSource> open(const archive::FileReference& file) const;
+  /// Nothing of an object that std::make_shared did not make.
+  void expect(const archive::SegmentEntry& segment) const override;
 
  private:
-  [[nodiscard]] std::string version_of(const archive::FileReference& file) const;
+  struct Chosen {
+    std::string version;
+    bool is_recorded = true;  // as far as can be told before it is read
+  };
+  [[nodiscard]] Chosen choose_version(const archive::FileReference& file) const;
+  /// Chosen once, whoever else asks meanwhile; and whether that was now.
+  [[nodiscard]] std::pair<std::string, bool> version_of(const archive::FileReference& file) const;
+  void fetch_ranges(const archive::FileReference& file, const std::string& version, std::uint64_t from) const;
   StoreConnections& store_;
   RangeCache& cache_;
+  FetchingAhead& ahead_;
   const std::string prefix_;
   mutable std::mutex mutex_;
-  using Choice = std::pair<std::string, crypto::Sha256Digest>;  // a file's name and hash
-  mutable std::map<Choice, std::string> versions_;              // that were chosen
+  using Choice = std::pair<std::string, crypto::Sha256Digest>;          // a file's name and hash
+  mutable std::map<Choice, std::shared_future<std::string>> versions_;  // that were chosen
 };
 
 }  // namespace kiroku::fleet

@@ -5,13 +5,13 @@
 #include <iostream>
 #include <memory>
 #include <set>
-#include <tuple>
 #include <utility>
 
 #include <nlohmann/json.hpp>
 
 #include "apps/common/format.h"
 #include "apps/common/json_output.h"
+#include "apps/fleet/case_search.h"
 #include "apps/fleet/commands.h"
 #include "apps/fleet/fleet_configuration.h"
 #include "apps/fleet/page_place.h"
@@ -154,67 +154,14 @@ int history(const Request& request, fleet::FleetCatalogue& catalogue) {
 search::SearchWords words_of(const Request& request) {
   if (!request.search_key || (!request.patient && !request.procedure))
     throw UsageError("to search give --search-key FILE, and --patient NUMBER or --procedure CODE or both");
-  if ((request.authority && !request.patient) || (request.coding_system && !request.procedure))
-    throw UsageError("--authority stands beside --patient, and --coding-system beside --procedure");
-  const auto normal = [](const std::optional<std::string>& text, const char* option, auto form) {
-    std::string word = text ? form(*text) : std::string();
-    if (text && word.empty())
-      throw UsageError(std::string(option) + " is '" + printable(*text) +
-                       "', of which nothing can be searched");
-    return word;
-  };
-  return {normal(request.patient, "--patient", search::normal_number),
-          normal(request.authority, "--authority", search::normal_word),
-          normal(request.procedure, "--procedure", search::normal_word),
-          normal(request.coding_system, "--coding-system", search::normal_word)};
-}
-
-struct Searched {
-  std::vector<fleet::FleetCase> found;
-  bool is_all = true;  // no more cases fit
-  std::uint64_t looked_at = 0, without_note = 0, foreign = 0;
-};
-
-/// Cases that fit what is asked for, up to the query's limit. All notes are read, whatever is found: where
-/// reading ended, or went on from, would tell the database which case it was.
-Searched search_cases(fleet::FleetCatalogue& catalogue, fleet::CaseQuery query, search::NoteReader& reader,
-                      const search::SearchWords& words) {
-  constexpr std::size_t kAtOnce = 2000;
-  const std::size_t most = std::exchange(query.limit, kAtOnce);
-  const std::optional<fleet::CaseQuery::Place> after = std::exchange(query.after, std::nullopt);
-  query.with_notes = true;
-  const auto place_of = [](const fleet::FleetCase& one) {
-    return fleet::CaseQuery::Place{one.row.opened, one.appliance, one.row.case_id};
-  };
-  const auto is_before = [](const fleet::CaseQuery::Place& one, const fleet::CaseQuery::Place& other) {
-    return std::tie(one.opened, one.appliance, one.case_id) <
-           std::tie(other.opened, other.appliance, other.case_id);
-  };
-  Searched result;
-  while (true) {
-    const std::vector<fleet::FleetCase> page = catalogue.find(query);
-    for (const fleet::FleetCase& each : page) {
-      ++result.looked_at;
-      if (!each.search_note) {
-        ++result.without_note;
-        continue;
-      }
-      const auto note = search::SearchNote::parse(*each.search_note);
-      using Answer = search::NoteReader::Answer;
-      const Answer answer =
-          note ? reader.read(each.appliance, each.row.case_id, *note, words) : Answer::kForeign;
-      if (answer == Answer::kForeign) ++result.foreign;
-      // Newest first.
-      if (answer != Answer::kFits || (after && !is_before(place_of(each), *after))) continue;
-      if (result.found.size() < most) {
-        result.found.push_back(each);
-      } else {
-        result.is_all = false;
-      }
-    }
-    if (page.size() < kAtOnce) return result;
-    query.after = place_of(page.back());
+  for (const auto* each :
+       {&request.patient, &request.authority, &request.procedure, &request.coding_system}) {
+    if (*each && (*each)->empty())
+      throw UsageError("nothing can be searched by an empty text: leave that option out");
   }
+  return search_words({request.patient.value_or(""), request.authority.value_or(""),
+                       request.procedure.value_or(""), request.coding_system.value_or("")},
+                      {"--patient", "--authority", "--procedure", "--coding-system"});
 }
 
 void tell_of_search(const Searched& searched) {

@@ -1,6 +1,8 @@
 #include "apps/fleet/hospital_cases.h"
 
+#include "apps/fleet/case_search.h"
 #include "apps/fleet/page_place.h"
+#include "base/error.h"
 #include "viewer/http/case_name.h"
 #include "viewer/http/request.h"
 
@@ -18,6 +20,26 @@ auto of_store(const Work& work) {
   } catch (const fleet::StoreError& error) {
     if (!error.passes()) throw;
     throw viewer::Refusal(kUnavailable, error.what(), kTryAgain);
+  }
+}
+
+/// Likewise a database.
+template <typename Work>
+auto of_database(const Work& work) {
+  try {
+    return work();
+  } catch (const fleet::DatabaseError& error) {
+    if (!error.passes()) throw;
+    throw viewer::Refusal(kUnavailable, error.what(), kTryAgain);
+  }
+}
+
+search::SearchWords words_of(const viewer::StoredCasesSubject& subject) {
+  try {
+    return search_words({subject.patient, subject.authority, subject.procedure, subject.coding_system},
+                        {"'patient'", "'authority'", "'procedure'", "'coding_system'"});
+  } catch (const UsageError& error) {
+    throw viewer::Refusal(kBadRequest, error.what());
   }
 }
 
@@ -45,13 +67,17 @@ fleet::CaseQuery query_of(const viewer::StoredCasesQuestion& question) {
 }  // namespace
 
 HospitalCases::HospitalCases(const FleetConfiguration& configuration,
-                             const std::optional<std::string>& scratch)
+                             const std::optional<std::string>& scratch,
+                             const std::optional<std::string>& search_key)
     : configuration_(configuration),
       scratch_parent_(scratch),
       catalogue_(configuration_.open_catalogue()),
       scratch_(scratch),
       store_([this] { return configuration_.open_store(); }),
-      shelf_(scratch_.path() / "shelf", store_) {}
+      shelf_(scratch_.path() / "shelf", store_),
+      has_search_key_(search_key.has_value()) {
+  if (search_key) notes_.emplace(search::SiteKey::read(*search_key));
+}
 
 template <typename Work>
 auto HospitalCases::with_catalogue(const Work& work) {
@@ -74,6 +100,22 @@ viewer::StoredCasesPage HospitalCases::list(const viewer::StoredCasesQuestion& q
   if (found.size() == query.limit) page.next = page_place(found.back());
   for (fleet::FleetCase& each : found) page.cases.push_back(stored_case(std::move(each)));
   return page;
+}
+
+viewer::StoredCasesSearch HospitalCases::search(const viewer::StoredCasesQuestion& question,
+                                                const viewer::StoredCasesSubject& subject) {
+  const fleet::CaseQuery query = query_of(question);
+  const search::SearchWords words = words_of(subject);
+  const std::lock_guard guard(searching_);
+  Searched searched = of_database([&] {
+    // A connection of its own: lists do not wait until all notes are read.
+    fleet::FleetCatalogue catalogue = configuration_.open_catalogue();
+    return search_cases(catalogue, query, *notes_, words);
+  });
+  viewer::StoredCasesSearch result{{}, searched.looked_at, searched.without_note, searched.foreign};
+  if (!searched.is_all) result.page.next = page_place(searched.found.back());
+  for (fleet::FleetCase& each : searched.found) result.page.cases.push_back(stored_case(std::move(each)));
+  return result;
 }
 
 std::vector<viewer::StoredAppliance> HospitalCases::appliances() {

@@ -19,7 +19,7 @@ namespace {
 struct Request {
   ServingRequest serving{.listen = "127.0.0.1:8443"};
   std::string configuration;
-  std::optional<std::string> scratch, reports;
+  std::optional<std::string> scratch, reports, search_key;
   std::vector<std::string> identities;
 };
 
@@ -27,7 +27,7 @@ int run(const Request& request) {
   const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
   const Home home = Home::open(request.serving.home);
   const timestamp::TrustStore trust = configuration.trust_store();
-  const auto cases = std::make_shared<HospitalCases>(configuration, request.scratch);
+  const auto cases = std::make_shared<HospitalCases>(configuration, request.scratch, request.search_key);
   const auto rooms = std::make_shared<HospitalRooms>(configuration);
   const std::string listen = request.reports.value_or(configuration.reports_listen);
   std::optional<ReportDesk> desk;
@@ -69,18 +69,23 @@ void add_fleet_serve_command(Command& program) {
       "-i,--identity", "FILE", request->identities,
       "opens recordings for everybody who may watch. Without one everybody unlocks with their own, "
       "which stays in memory");
-  command.option("--scratch", "DIR", request->scratch,
-                 "where ledgers lie while cases are looked at, and a whole case while it is verified",
-                 "the folder for temporary files");
+  command.option(
+      "--scratch", "DIR", request->scratch,
+      "where ledgers lie while cases are looked at, and a case without its segments while it is verified",
+      "the folder for temporary files");
   command.writes("--scratch");
   command.option("--reports", "ADDRESS", request->reports, "where appliances report, such as 0.0.0.0:8444",
                  "[reports] of the configuration");
+  command.option("--search-key", "FILE", request->search_key,
+                 "the site's search key, by which everybody who may watch finds cases by patient and "
+                 "procedure. It stays on this server");
   add_fleet_configuration_option(command, request->configuration);
   command.explain(
       "The list comes from the catalogue, which 'kiroku-fleet index' keeps up to date. Pictures come from "
       "the "
       "store while somebody watches; no case is copied. The home has the page's users ('kiroku user add'), "
-      "and its appliance log has who saw what. Any number of these may run, each with a home of its own.");
+      "and its appliance log has who saw what, and who searched. Any number of these may run, each with a "
+      "home of its own.");
   command.example("kiroku-fleet serve --home /srv/kiroku-page", "the page on https://127.0.0.1:8443/");
   command.example(
       "kiroku-fleet serve --home /srv/kiroku-page --listen 0.0.0.0:443 --certificate fleet.pem --key "

@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/printable.h"
 #include "fleet/fetcher.h"
+#include "fleet/stored_reading.h"
 
 namespace kiroku::apps {
 
@@ -16,7 +17,10 @@ namespace fs = std::filesystem;
 
 StoredJudge::StoredJudge(const FleetConfiguration& configuration, const std::optional<std::string>& scratch,
                          Mends mends)
-    : configuration_(configuration), store_(configuration.open_store()), scratch_(scratch) {
+    : configuration_(configuration),
+      store_(configuration.open_store()),
+      connections_([this] { return configuration_.open_store(); }),
+      scratch_(scratch) {
   if (mends == Mends::kAsConfigured && configuration.mending)
     mending_.emplace(configuration, scratch_.path() / "mending");
 }
@@ -36,12 +40,13 @@ fs::path StoredJudge::log_of(const std::string& appliance, UtcTime changed) {
 
 /// The case as the store has it, or has it once it was mended.
 fleet::FetchedCase StoredJudge::fetched(const std::string& appliance, const std::string& case_id,
-                                        const fs::path& device) {
+                                        const fs::path& device, fleet::SegmentBytes segments) {
   const fs::path folder = scratch_.path() / "cases";
   const auto fetch = [&](fleet::UnreadableObjects unreadable) {
     fs::remove_all(folder);
     fs::create_directories(folder);
-    return fleet::fetch_case(store_, appliance, case_id, folder, fleet::WhichVersions::kNewest, unreadable);
+    return fleet::fetch_case(store_, appliance, case_id, folder, fleet::WhichVersions::kNewest, unreadable,
+                             mending_ ? fleet::SegmentBytes::kFetched : segments);
   };
   if (!mending_) return fetch(fleet::UnreadableObjects::kThrow);
   fleet::FetchedCase fetched = fetch(fleet::UnreadableObjects::kLeaveOut);
@@ -84,12 +89,34 @@ archive::VerificationReport StoredJudge::judge(const std::string& appliance, con
   judging.devices = {key.string()};
   for (const fs::path& each : configuration_.trust) judging.trust.push_back(each.string());
   for (const fs::path& each : configuration_.own_authority) judging.own_authority.push_back(each.string());
-  const fleet::FetchedCase there = fetched(appliance, case_id, key);
+  fleet::FetchedCase there = fetched(appliance, case_id, key, fleet::SegmentBytes::kInStore);
   judging.log = log_of(appliance, changed).string();
-  const VerifyExtras none;
-  archive::VerificationReport report = Judge(judging, none).judge(there.folder).report;
+  archive::VerificationReport report = judge_there(there, judging);
+  // What lies in the store has no holes: a segment that begins with zeros is judged as the bytes that it is.
+  const auto has_hole = [](const archive::Finding& each) { return each.code == "file-has-hole"; };
+  if (!there.in_store.empty() && std::ranges::any_of(report.findings, has_hole)) {
+    there = fetched(appliance, case_id, key, fleet::SegmentBytes::kFetched);
+    report = judge_there(there, judging);
+  }
   fs::remove_all(there.folder.parent_path());
   return report;
+}
+
+/// Segments that were left in the store are read there.
+archive::VerificationReport StoredJudge::judge_there(const fleet::FetchedCase& there,
+                                                     JudgingRequest& judging) {
+  const fleet::StoredReading reading(connections_, there.folder, there.in_store);
+  judging.files = &reading;
+  const VerifyExtras none;
+  try {
+    archive::VerificationReport report = Judge(judging, none).judge(there.folder).report;
+    // What the store does not give says nothing of the case.
+    reading.require_all_given();
+    return report;
+  } catch (...) {
+    reading.require_all_given();
+    throw;
+  }
 }
 
 }  // namespace kiroku::apps

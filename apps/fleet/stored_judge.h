@@ -12,15 +12,20 @@
 #include "apps/fleet/store_mending.h"
 #include "archive/verify/verifier.h"
 #include "base/utc_time.h"
+#include "fleet/fetcher.h"
 #include "fleet/object_store.h"
+#include "fleet/store_connections.h"
 
 namespace kiroku::apps {
+
+struct JudgingRequest;
 
 /// Not thread-safe.
 class StoredJudge {
  public:
-  /// `configuration` must outlive the object. `scratch`: where there is room for a whole case; nothing: where
-  /// temporary files lie. Throws kiroku::IoError; to mend, also as StoreMending does.
+  /// `configuration` must outlive the object. `scratch`: where there is room for a case without its segments,
+  /// and for a whole one where it mends, or where segments have several versions; nothing: where temporary
+  /// files lie. Throws kiroku::IoError; to mend, also as StoreMending does.
   enum class Mends { kNo, kAsConfigured };
   StoredJudge(const FleetConfiguration& configuration, const std::optional<std::string>& scratch,
               Mends mends = Mends::kNo);
@@ -35,11 +40,13 @@ class StoredJudge {
 
  private:
   fleet::FetchedCase fetched(const std::string& appliance, const std::string& case_id,
-                             const std::filesystem::path& device);
+                             const std::filesystem::path& device, fleet::SegmentBytes segments);
+  archive::VerificationReport judge_there(const fleet::FetchedCase& there, JudgingRequest& judging);
   std::filesystem::path log_of(const std::string& appliance, UtcTime changed);
 
   const FleetConfiguration& configuration_;
   fleet::ObjectStore store_;
+  fleet::StoreConnections connections_;
   const ScratchFolder scratch_;
   std::optional<StoreMending> mending_;
   fleet::Mending done_;

@@ -210,9 +210,8 @@ void add_fleet_verify_command(Command& program) {
   Command& command =
       program.add_command("verify", "verifies stored cases anew, those that wait longest first");
   command.explain(
-      "Each case that is not verified as it is now, or not for the time that [verification] says, is fetched "
-      "from the "
-      "store into a scratch folder and judged as 'kiroku-verify' does, by the key of its appliance, the "
+      "Each case that is not verified as it is now, or not for the time that [verification] says, is read "
+      "in the store and judged as 'kiroku-verify' does, by the key of its appliance, the "
       "roots of "
       "[verification] and the appliance's log in the store. Any number of these may run, on one machine or "
       "many: each "
@@ -236,8 +235,10 @@ void add_fleet_verify_command(Command& program) {
   command.flag("--all", request->all,
                "every case that is closed or was cut off, due or not; waits for those that another holds");
   command.flag("--follow", request->follow, "goes on until Ctrl-C, with what becomes due");
-  command.option("--scratch", "DIR", request->scratch, "where there is room for a whole case",
-                 "the folder for temporary files");
+  command.option(
+      "--scratch", "DIR", request->scratch,
+      "where there is room for what lies beside a case's segments, and for a whole case where [mending] is",
+      "the folder for temporary files");
   command.writes("--scratch");
   command.flag("--json", request->json, "prints one JSON object instead");
   add_fleet_configuration_option(command, request->configuration);

@@ -151,6 +151,7 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
     options.inspect = extras_.inspect;
   }
   options.threads = threads_;
+  options.files = request_.files;
   Progress progress("verifying");
   options.progress = [&progress](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
   judged.report =

@@ -18,8 +18,9 @@ namespace kiroku::apps {
 struct JudgingRequest {
   std::vector<std::string> devices, trust, own_authority, untrusted, identities, against;
   std::optional<std::string> log, threads, evidence, policy, log_proof;
-  std::optional<std::string> witnesses;  // in a home its cosigned note is compared, too
-  bool as_log = false;                   // the folder is an appliance log
+  std::optional<std::string> witnesses;         // in a home its cosigned note is compared, too
+  bool as_log = false;                          // the folder is an appliance log
+  const archive::FileReading* files = nullptr;  // as VerifyOptions::files
   /// Nothing by which another verdict can come out than by the defaults.
   [[nodiscard]] bool names_nothing() const {
     return devices.empty() && trust.empty() && own_authority.empty() && untrusted.empty() &&

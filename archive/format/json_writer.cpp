@@ -1,5 +1,7 @@
 #include "archive/format/json_writer.h"
 
+#include <algorithm>
+
 #include "archive/format/strict_json.h"
 #include "base/error.h"
 #include "crypto/encoding.h"
@@ -8,11 +10,24 @@ namespace kiroku::archive {
 
 namespace {
 
+/// How many bytes at the beginning stand in a text as they are.
+std::size_t plain_length(std::string_view text) {
+  const auto* const end = std::ranges::find_if(text, [](char c) {
+    return c < 0x20 || static_cast<unsigned char>(c) >= 0x7F || c == '"' || c == '\\';
+  });
+  return static_cast<std::size_t>(end - text.begin());
+}
+
 void append_quoted(std::string& out, std::string_view text) {
   constexpr std::string_view kHex = "0123456789abcdef";
   constexpr std::string_view kReplacement = "\xEF\xBF\xBD";
   out += '"';
   for (std::size_t at = 0; at < text.size();) {
+    if (const std::size_t plain = plain_length(text.substr(at)); plain > 0) {
+      out += text.substr(at, plain);
+      at += plain;
+      continue;
+    }
     const auto c = static_cast<unsigned char>(text[at]);
     const std::size_t length = utf8_length(text.substr(at));
     if (c == 0 || length == 0) {

@@ -182,6 +182,125 @@ std::optional<JsonParse> refuse_bytes(std::string_view text) {
   return std::nullopt;
 }
 
+/// As parse_json(), of a text that went through refuse_bytes().
+JsonParse parse_any_json(std::string_view text, const JsonLimits& limits) {
+  const char* furthest = text.data();
+  Builder builder(limits);
+  const char* end = text.data() + text.size();
+  const bool read =
+      nlohmann::json::sax_parse(CountingIterator(text.data(), &furthest), CountingIterator(end, &furthest),
+                                &builder, nlohmann::json::input_format_t::json, true);
+  if (!read) {
+    // The parser has consumed the character that ends a token; the problem is at or before it.
+    const auto consumed = static_cast<std::size_t>(furthest - text.data());
+    const std::size_t position = consumed == 0 ? 0 : consumed - 1;
+    return {std::nullopt, position, at_byte(position, builder.problem())};
+  }
+  return {builder.take(), 0, {}};
+}
+
+/// Reads what programs write: no blanks, no escapes, integers of few digits, keys once each. A ledger of
+/// hours has tens of thousands of such lines. Of anything else it reads nothing, so that what is refused, and
+/// why, is decided in one place. Its text went through refuse_bytes().
+class PlainReader {
+ public:
+  PlainReader(std::string_view text, const JsonLimits& limits) : text_(text), limits_(limits) {}
+
+  std::optional<JsonValue> read() {
+    std::optional<JsonValue> value = take_value(0);
+    return at_ == text_.size() ? std::move(value) : std::nullopt;
+  }
+
+ private:
+  static constexpr std::size_t kUsualMembers = 16, kMostMembers = 64;
+  static constexpr std::size_t kMostDigits = 15;  // below 2^53 whatever they are
+
+  [[nodiscard]] char next() const { return at_ < text_.size() ? text_[at_] : '\0'; }
+  bool take(char token) {
+    const bool is_there = next() == token;
+    at_ += is_there ? 1 : 0;
+    return is_there;
+  }
+  bool take(std::string_view token) {
+    if (!text_.substr(at_).starts_with(token)) return false;
+    at_ += token.size();
+    return true;
+  }
+
+  std::optional<JsonValue> take_value(std::size_t depth) {
+    if (++values_ > limits_.values) return {};
+    switch (next()) {
+      case '"':
+        if (const auto text = take_text()) return JsonValue(JsonValue::Content(std::string(*text)));
+        return {};
+      case '{':
+        return depth < limits_.depth ? take_object(depth + 1) : std::nullopt;
+      case '[':
+        return depth < limits_.depth ? take_array(depth + 1) : std::nullopt;
+      case 't':
+        return take("true") ? std::optional(JsonValue(JsonValue::Content(true))) : std::nullopt;
+      case 'f':
+        return take("false") ? std::optional(JsonValue(JsonValue::Content(false))) : std::nullopt;
+      default:
+        return take_integer();
+    }
+  }
+
+  std::optional<std::string_view> take_text() {
+    if (!take('"')) return {};
+    const std::size_t begin = at_;
+    while (at_ < text_.size() && text_[at_] != '"' && text_[at_] != '\\') ++at_;
+    const std::string_view text = text_.substr(begin, at_ - begin);
+    return take('"') ? std::optional(text) : std::nullopt;
+  }
+
+  std::optional<JsonValue> take_integer() {
+    const bool is_negative = take('-');
+    const std::size_t begin = at_;
+    std::int64_t value = 0;
+    for (; next() >= '0' && next() <= '9' && at_ - begin < kMostDigits; ++at_)
+      value = value * 10 + (next() - '0');
+    // Behind the digits only what ends a value is taken: no further digit, fraction or exponent.
+    const bool is_plain = at_ - begin == 1 ? value != 0 || !is_negative : at_ > begin && text_[begin] != '0';
+    if (!is_plain || (next() != ',' && next() != '}' && next() != ']')) return {};
+    return JsonValue(JsonValue::Content(is_negative ? -value : value));
+  }
+
+  std::optional<JsonValue> take_array(std::size_t depth) {
+    JsonArray items;
+    take('[');
+    if (take(']')) return JsonValue(JsonValue::Content(std::move(items)));
+    do {
+      std::optional<JsonValue> item = take_value(depth);
+      if (!item) return {};
+      items.push_back(std::move(*item));
+    } while (take(','));
+    return take(']') ? std::optional(JsonValue(JsonValue::Content(std::move(items)))) : std::nullopt;
+  }
+
+  std::optional<JsonValue> take_object(std::size_t depth) {
+    JsonObject members;
+    take('{');
+    if (take('}')) return JsonValue(JsonValue::Content(std::move(members)));
+    if (depth == 1) members.reserve(kUsualMembers);
+    do {
+      const std::optional<std::string_view> key = take_text();
+      if (!key || !take(':') || members.size() == kMostMembers) return {};
+      for (const auto& member : members) {
+        if (member.first == *key) return {};
+      }
+      std::optional<JsonValue> value = take_value(depth);
+      if (!value) return {};
+      members.emplace_back(*key, std::move(*value));
+    } while (take(','));
+    return take('}') ? std::optional(JsonValue(JsonValue::Content(std::move(members)))) : std::nullopt;
+  }
+
+  const std::string_view text_;
+  const JsonLimits& limits_;
+  std::size_t at_ = 0, values_ = 0;
+};
+
 enum Kind : std::size_t { kBoolean, kInteger, kText, kArray, kObject };
 
 }  // namespace
@@ -204,19 +323,10 @@ JsonParse parse_json(std::string_view text, const JsonLimits& limits) {
   if (std::optional<JsonParse> refused = refuse_bytes(text)) {
     return *refused;
   }
-  const char* furthest = text.data();
-  Builder builder(limits);
-  const char* end = text.data() + text.size();
-  const bool read =
-      nlohmann::json::sax_parse(CountingIterator(text.data(), &furthest), CountingIterator(end, &furthest),
-                                &builder, nlohmann::json::input_format_t::json, true);
-  if (!read) {
-    // The parser has consumed the character that ends a token; the problem is at or before it.
-    const auto consumed = static_cast<std::size_t>(furthest - text.data());
-    const std::size_t position = consumed == 0 ? 0 : consumed - 1;
-    return {std::nullopt, position, at_byte(position, builder.problem())};
+  if (std::optional<JsonValue> plain = PlainReader(text, limits).read()) {
+    return {std::move(plain), 0, {}};
   }
-  return {builder.take(), 0, {}};
+  return parse_any_json(text, limits);
 }
 
 JsonFields::JsonFields(const JsonValue& value, std::string where, std::string& problem)
@@ -300,11 +410,11 @@ bool JsonFields::flag(std::string_view key) {
 
 crypto::Sha256Digest JsonFields::digest(std::string_view key) {
   crypto::Sha256Digest digest{};
-  const std::string hex = text(key);
-  if (failed()) {
+  const JsonValue* value = take(key, kText, "a text");
+  if (value == nullptr) {
     return digest;
   }
-  const std::optional<Bytes> bytes = crypto::from_hex(hex);
+  const std::optional<Bytes> bytes = crypto::from_hex(std::get<std::string>(value->content()));
   if (!bytes || bytes->size() != digest.size()) {
     refuse(key, "is not a SHA-256 hash in 64 lower-case hex digits");
     return digest;
@@ -314,12 +424,15 @@ crypto::Sha256Digest JsonFields::digest(std::string_view key) {
 }
 
 UtcTime JsonFields::utc(std::string_view key) {
-  const std::string written = text(key);
-  if (failed()) {
+  constexpr std::size_t kWritten = std::string_view("2026-08-05T09:15:02.000123Z").size();
+  const JsonValue* value = take(key, kText, "a text");
+  if (value == nullptr) {
     return {};
   }
-  const std::optional<UtcTime> time = parse_utc(written);
-  if (!time || format_utc(*time) != written) {
+  const auto& written = std::get<std::string>(value->content());
+  // Of this length it has all six decimals, and so is written as format_utc() does.
+  const std::optional<UtcTime> time = written.size() == kWritten ? parse_utc(written) : std::nullopt;
+  if (!time) {
     refuse(key, "is not a UTC time such as 2026-08-05T09:15:02.000123Z");
     return {};
   }

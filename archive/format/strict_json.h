@@ -41,6 +41,7 @@ class JsonValue {
   explicit JsonValue(Content content) : content_(std::move(content)) {}
   [[nodiscard]] const Content& content() const { return content_; }
   [[nodiscard]] Content& content() { return content_; }
+  bool operator==(const JsonValue& other) const = default;
 
  private:
   Content content_;

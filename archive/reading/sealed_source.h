@@ -16,6 +16,9 @@ class SealedSource {
   /// The bytes that are stored for the segment, of the size that its entry states; whoever reads them
   /// compares them with the entry's hash. Throws kiroku::Error in a sentence where there are none.
   [[nodiscard]] virtual std::unique_ptr<crypto::ByteSource> open(const SegmentEntry& segment) const = 0;
+  /// The segment will be opened soon: where that takes a while, it is begun with. Returns at once; what fails
+  /// open() tells.
+  virtual void expect(const SegmentEntry& /*segment*/) const {}
 };
 
 }  // namespace kiroku::archive

@@ -39,9 +39,11 @@ class BoxedJobs::Serving {
           const JobBounds& bounds)
       : box_(box), door_(door), name_(name), take_(take), bounds_(bounds) {}
 
-  json run(const json& asked) {
+  json run(const std::string& what, const json& with) {
     if (!box_.ready_) await_ready();
-    say(ToJobBox::kJob, bytes_of(asked.dump(-1, ' ', false, json::error_handler_t::replace)));
+    const auto text = [](const json& of) { return of.dump(-1, ' ', false, json::error_handler_t::replace); };
+    // Not as an object of both: what goes with it may be the segments of a long case.
+    say(ToJobBox::kJob, bytes_of("{\"what\":" + text(what) + ",\"with\":" + text(with) + "}"));
     for (;;) {
       const Channel::Message message = next();
       switch (static_cast<FromJobBox>(message.kind)) {
@@ -252,7 +254,7 @@ json BoxedJobs::ask(const std::string& what, const json& with, const SegmentDoor
 
 json BoxedJobs::ask(const std::string& what, const json& with, const SegmentDoor& door,
                     const std::string& name, const Taker& take, const JobBounds& bounds) {
-  return Serving(*this, door, name, take, bounds).run({{"what", what}, {"with", with}});
+  return Serving(*this, door, name, take, bounds).run(what, with);
 }
 
 bool BoxedJobs::is_spent() const { return ended_ || child_.processor_time() > kWorksFor; }

@@ -57,6 +57,22 @@ def verdicts(told):
     return {(each["appliance"], each["case"]): each["verdict"] for each in told["cases"]}
 
 
+def room_of_segments_while(fleet, *words):
+    """How much of a disk segments take below the scratch folder while kiroku-fleet works, of those objects that have one version."""
+    scratch = fleet.folder / "scratch"
+    scratch.mkdir(exist_ok=True)
+    working = subprocess.Popen([str(fleet.program), *words, "--scratch", str(scratch), "--config", str(fleet.configuration)],
+                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    most = {}
+    while working.poll() is None:
+        for case in scratch.glob("*/cases/2*"):
+            try:
+                most[case.name] = max(most.get(case.name, 0), max(file.stat().st_blocks for file in case.glob("segments/*/*")))
+            except (OSError, ValueError):
+                pass  # it is gone already, or has none yet
+    return min(most.values(), default=0)
+
+
 def verified_on_page(person, case):
     """What a verification that somebody asks for on the page says of the case."""
     status, answer = person.ask(f"cases/{case}/verification", {})
@@ -280,6 +296,8 @@ def try_everything(programs, folder, store, connection):
     require(done.returncode == 2 and "does not answer" in done.stderr, f"a store that is away: {done.returncode}, {done.stderr}")
     require(len(fleet.tell("cases", "--appliance", "or-2", "--history", one)["verifications"]) == 6, "something was entered")
     fleet.configuration.write_text(whole)
+
+    require(room_of_segments_while(fleet, "verify", "--all") == 0, "segments of one version are copied to be verified")
 
     # Without an appliance's key nothing is judged, and nothing is guessed.
     (fleet.folder / "devices/or-1.pub").rename(fleet.folder / "or-1.pub")

@@ -14,6 +14,7 @@ import pathlib
 import subprocess
 
 from fleet_test import Fleet, with_store_and_postgres
+from page_client import Server
 from ship_test import Appliance, Store, require
 
 PATIENT, OTHER, CODE = "0047110815", "0047110816", "K653-ZZ"
@@ -136,6 +137,56 @@ def says_nothing_to_others(programs, folder, store, fleet, search, cases, connec
     require(len(parts) == 12 and len(set(parts)) == 12, "two notes have a word in common")
 
 
+def the_page_finds_and_tells_of_it(programs, folder, fleet, site, cases):
+    home = folder / "page"
+    subprocess.run([str(programs / "kiroku"), "init", "--demo", "--home", str(home)], check=True, capture_output=True)
+    serve = [fleet.program, "serve", "--home", home, "--config", fleet.configuration]
+    server = Server([*serve, "--search-key", site])
+    try:
+        person = server.person()
+        require(person.read("session", {"link": server.link})["searches"] is True, "the page does not offer to search")
+
+        def found(**asked):
+            told = person.read("fleet/cases/search", asked)
+            return {row["case"] for row in told["cases"]}, told
+
+        patients, told = found(patient=PATIENT)
+        require(patients == {cases["coded"], cases["again"]}, f"the page finds {told}")
+        require((told["looked_at"], told["without_note"], told["not_by_this_key"], told["next"]) == (5, 2, 0, None), f"told: {told}")
+        require(found(patient=PATIENT, authority="northern hospital")[0] == {cases["coded"]}, "not by who gave it")
+        require(found(procedure=CODE.lower())[0] == {cases["coded"], cases["other"]}, "not by the procedure")
+        require(found(patient=OTHER, procedure=CODE)[0] == {cases["other"]}, "not by both")
+        require(found(patient=PATIENT, appliance="or-2")[0] == set(), "on another appliance")
+        first, told = found(patient=PATIENT, limit=1)
+        require(first | found(patient=PATIENT, limit=1, after=told["next"])[0] == patients, "pages are not the whole answer")
+        for asked, why in (({}, b"to search give 'patient' or 'procedure'"), ({"patient": "000"}, b"nothing can be searched"),
+                           ({"procedure": CODE, "authority": "x"}, b"stands beside"), ({"patient": PATIENT, "limit": 0}, b"'limit' must be"),
+                           ({"patient": 47}, b"'patient'")):
+            status, text = person.ask("fleet/cases/search", asked)
+            require(status == 400 and why in text, f"{asked} is answered with {status}: {text}")
+        require(server.person().ask("fleet/cases/search", {"patient": PATIENT})[0] == 401, "a stranger searches")
+        # Who may list cases and not watch them sees no search, and is refused one.
+        person.tell("users", {"user": "auditor", "password": "a long password of theirs", "role": "auditor"})
+        auditor = server.person()
+        session = auditor.read("session", {"user": "auditor", "password": "a long password of theirs"})
+        require(session["searches"] is False and auditor.ask("fleet/cases")[0] == 200, f"an auditor's session is {session}")
+        require(auditor.ask("fleet/cases/search", {"patient": PATIENT})[0] == 403, "an auditor searches")
+    finally:
+        server.end()
+    entered = (home / "archive" / "log" / "ledger.jsonl").read_text()
+    for deed in ("searched for cases of a patient", "searched for cases of a procedure", "searched for cases of a patient and a procedure"):
+        require(f'"{deed}"' in entered, f"the log does not tell that somebody {deed}")
+    kept = b"".join(file.read_bytes() for file in home.rglob("*") if file.is_file())
+    require(not any(secret.encode() in kept for secret in (PATIENT, PATIENT.lstrip("0"), OTHER)), "whom somebody sought is kept")
+    server = Server(serve)
+    try:
+        person = server.person()
+        require(person.read("session", {"link": server.link})["searches"] is False, "it offers to search without a key")
+        require(person.ask("fleet/cases/search", {"patient": PATIENT})[0] == 404, "it searches without a key")
+    finally:
+        server.end()
+
+
 def forged_notes_are_refused(folder, store, fleet, search, cases, of_or_2):
     """By somebody who has an appliance's access key of the store, and no search key."""
     note = store.get("recordings", f"or-1/search/{cases['coded']}.json")
@@ -216,6 +267,8 @@ def run(programs, folder, endpoint, connection):
     finds_what_was_recorded(fleet, search, cases)
     is_what_the_format_says(store, site, cases["coded"])
     says_nothing_to_others(programs, folder, store, fleet, search, cases, connection, appliance)
+
+    the_page_finds_and_tells_of_it(programs, folder, fleet, site, cases)
 
     # Lost, the catalogue is made anew from the store.
     subprocess.run([*"psql -qtA -v ON_ERROR_STOP=1 -d".split(), connection, "-c", "DROP SCHEMA kiroku CASCADE"], check=True)

@@ -3,6 +3,7 @@
 // What is accepted is written again in the one form of the format, and that form reads back as itself.
 #include <cstdint>
 #include <cstdlib>
+#include <string>
 #include <string_view>
 
 #include "archive/format/boot_quote.h"
@@ -10,6 +11,7 @@
 #include "archive/format/ledger_entry.h"
 #include "archive/format/log_entry.h"
 #include "archive/format/store_statement.h"
+#include "archive/format/strict_json.h"
 
 namespace {
 
@@ -19,6 +21,12 @@ void require(bool holds) {
   if (!holds) {
     std::abort();
   }
+}
+
+/// However it is read, a text says the same: a blank leads past the reader of what programs write.
+void check_json(std::string_view text) {
+  const JsonParse parse = parse_json(text), other = parse_json(" " + std::string(text));
+  require(parse.value == other.value || text.size() == JsonLimits{}.bytes);
 }
 
 void check_case_entry(std::string_view line) {
@@ -64,6 +72,7 @@ void check_statement(std::string_view text) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);
+  check_json(text);
   check_case_entry(text);
   check_log_entry(text);
   check_excerpt(text);

@@ -1,7 +1,8 @@
 // The hospital's page: rooms of all appliances as they reported, their cases and what is known of the appliances. PostgreSQL and kiroku-fleet serve are real;
 // what the appliances said is put into the database, so that every state is there at once.
 import { type ChildProcess, execFile, spawn } from 'node:child_process';
-import { existsSync, mkdtempSync, rmSync, writeFileSync, chmodSync } from 'node:fs';
+import { createHmac, hkdfSync, randomBytes } from 'node:crypto';
+import { chmodSync, existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { dirname, join } from 'node:path';
 import { promisify } from 'node:util';
@@ -51,9 +52,27 @@ const report = (rooms: object[], more: object = {}, not_shared = false) =>
     ...more,
   });
 
+/** A search note of or-1's first key (docs/reference/format-recovery.md), as an appliance writes it of a patient and a procedure. */
+function searchNote(site: Buffer, caseId: string, patient: string, code: string): string {
+  const mac = (key: Buffer, ...lines: string[]) => createHmac('sha256', key).update(lines.join('\n')).digest();
+  const random = randomBytes(8).toString('hex');
+  const series = random + mac(site, 'kiroku search series', 'or-1', random).subarray(0, 8).toString('hex');
+  const chain = Buffer.from(hkdfSync('sha256', site, series, 'kiroku search appliance\nor-1', 32));
+  const key = mac(chain, 'kiroku search note');
+  const word = (...what: string[]) =>
+    mac(key, 'kiroku search word', caseId, ...what)
+      .subarray(0, 16)
+      .toString('hex');
+  const unknown = () => randomBytes(16).toString('hex');
+  const words = word('patient', patient) + unknown() + word('procedure', code) + unknown();
+  const whole = mac(key, 'kiroku search mac', caseId, series, '0', caseId, series, '0', words).toString('hex');
+  const of = { case: caseId, series, step: 0, words_case: caseId, words_series: series, words_step: 0 };
+  return JSON.stringify({ format: 'kiroku-search/1', ...of, words, mac: whole }) + '\n';
+}
+
 class Hospital {
   private constructor(
-    private readonly folder: string,
+    readonly folder: string,
     private readonly connection: string,
     private readonly server: ChildProcess,
     readonly url: string,
@@ -70,9 +89,14 @@ class Hospital {
     const fleet = join(dirname(kiroku), 'kiroku-fleet');
     await run(fleet, ['init', '--config', configuration]);
     await run(kiroku, ['init', '--demo', '--home', join(folder, 'page')]);
+    const searchKey = join(folder, 'site-search.key');
+    await run(fleet, ['search-key', '-o', searchKey]);
     const server = spawn(
       fleet,
-      ['serve', '--home', join(folder, 'page'), '--config', configuration, '--listen', '127.0.0.1:0', '--reports', '127.0.0.1:0', '--web', page, '--json'],
+      [
+        ...['serve', '--home', join(folder, 'page'), '--config', configuration, '--search-key', searchKey],
+        ...['--listen', '127.0.0.1:0', '--reports', '127.0.0.1:0', '--web', page, '--json'],
+      ],
       { stdio: ['ignore', 'pipe', 'inherit'] },
     );
     let said = '';
@@ -240,6 +264,68 @@ describe.skipIf(!hasDatabase)('On the page of a hospital', () => {
       const row = here.getByRole('row', { name: /or-9/ });
       await row.getByText('1 unproven').waitFor();
       await expect.poll(() => row.getByText('not intact').count()).toBe(0);
+    });
+    step('found by patient and procedure, where the server has the search key', async () => {
+      const { page: here } = visitor;
+      const site = readFileSync(join(hospital.folder, 'site-search.key'), 'utf8').trim().split(' ').at(-1) ?? '';
+      const id = '20261127T085000Z-3f9c21ab';
+      const note = searchNote(Buffer.from(site, 'hex'), id, '4711', 'k653');
+      await hospital.tell(`INSERT INTO kiroku.search_notes (appliance, case_id, version, note) VALUES ('or-1', '${id}', '1', '${note}')`);
+      const sent: string[] = [];
+      here.on('request', (request) => sent.push(`${request.method()} ${request.url()}`));
+      await here.getByRole('link', { name: 'Cases', exact: true }).click();
+      await expect.poll(() => here.locator('.case-row').count()).toBe(2);
+      const search = here.getByRole('search', { name: 'Search by patient or procedure' });
+      await search.getByLabel('Patient’s number').fill(' 004711');
+      expect(sent.filter((one) => one.includes('search'))).toEqual([]); // nothing is asked for while somebody types
+      await here.keyboard.press('Enter');
+      await here.getByText('Cases looked at: 2. Of them without a search note, and so never found: 1.').waitFor();
+      await expect.poll(() => here.locator('.case-row').count()).toBe(1);
+      await here.locator('.case-row').getByText('or-1').waitFor();
+      expect(await seriousBarriers(here)).toEqual([]);
+      await expectFits(visitor, 'fleet-search');
+      await keepPicture(here, 'fleet-search');
+      await here.getByRole('button', { name: 'Light colours' }).click();
+      expect(await seriousBarriers(here)).toEqual([]);
+      await keepPicture(here, 'fleet-search-light');
+      await here.getByRole('button', { name: 'Dark colours' }).click();
+      // By the keyboard alone: the procedure, then Search.
+      await search.getByLabel('Patient’s number').focus();
+      await here.keyboard.press('Tab');
+      await here.keyboard.type('K654');
+      await here.keyboard.press('Tab');
+      await here.keyboard.press('Enter');
+      await here.getByText('that none is, proves nothing').waitFor();
+      await expect.poll(() => here.locator('.case-row').count()).toBe(0);
+      await search.getByRole('button', { name: 'Clear the search' }).click();
+      await expect.poll(() => here.locator('.case-row').count()).toBe(2);
+      await expect.poll(() => search.getByLabel('Procedure’s code').inputValue()).toBe('');
+      expect(sent.filter((one) => /4711|k65/i.test(one))).toEqual([]);
+      expect(await here.content()).not.toContain(site);
+    });
+    step('in Japanese, too, and what cannot be searched is said', async () => {
+      const { page: here } = visitor;
+      await here.getByRole('button', { name: '日本語' }).click();
+      const search = here.getByRole('search', { name: '患者または術式で検索' });
+      await search.getByLabel('術式コード').fill('K653');
+      await search.getByRole('button', { name: '検索', exact: true }).click();
+      await here.getByText('調べた症例：2 件。').waitFor();
+      await expect.poll(() => here.locator('.case-row').count()).toBe(1);
+      expect(await seriousBarriers(here)).toEqual([]);
+      await keepPicture(here, 'fleet-search-ja');
+      await here.getByRole('button', { name: 'English' }).click();
+      await here.getByLabel('Patient’s number').fill('000');
+      await here.keyboard.press('Enter');
+      await here.getByText('nothing can be searched').first().waitFor();
+      await here.getByRole('button', { name: 'Clear the search' }).click();
+      // That it was so is why the browser complains.
+      visitor.problems.length = 0;
+    });
+    step('of which the log tells, and not whom it was about', async () => {
+      const { page: here } = visitor;
+      await here.getByRole('link', { name: 'Log', exact: true }).click();
+      await here.getByText('searched for cases of a patient').first().waitFor();
+      expect(await here.content()).not.toMatch(/4711/);
     });
     step('without anything that the page complains of', () => {
       expect(visitor.problems).toEqual([]);

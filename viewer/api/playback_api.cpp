@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "archive/format/json_writer.h"
 #include "base/json_or_null.h"
 #include "crypto/age_error.h"
 #include "media/vital_codes.h"
@@ -70,16 +71,26 @@ const char* kind_name(playback::TimelineToken::Kind kind) {
   return "not-judged";
 }
 
-ordered_json timeline_json(const playback::Timeline& timeline) {
-  ordered_json segments = ordered_json::array();
-  for (const playback::TimelineSegment& segment : timeline.segments) {
-    segments.push_back({{"stream", segment.stream},
-                        {"index", segment.index},
-                        {"start_ns", segment.span.start_ns},
-                        {"end_ns", segment.span.end_ns},
-                        {"complete", segment.complete},
-                        {"erased", segment.erased}});
+/// The time line's first member, written at once: ten hours have tens of thousands of segments, and as many
+/// objects would take longer than all the rest.
+std::string segments_text(const std::vector<playback::TimelineSegment>& segments) {
+  std::string text = "[";
+  for (const playback::TimelineSegment& segment : segments) {
+    if (text.size() > 1) text += ',';
+    text += archive::JsonWriter()
+                .text("stream", segment.stream)
+                .count("index", segment.index)
+                .integer("start_ns", segment.span.start_ns)
+                .integer("end_ns", segment.span.end_ns)
+                .flag("complete", segment.complete)
+                .flag("erased", segment.erased)
+                .finish();
   }
+  return text + "]";
+}
+
+/// Its other members.
+ordered_json timeline_json(const playback::Timeline& timeline) {
   ordered_json gaps = ordered_json::array();
   for (const archive::GapEntry& gap : timeline.gaps) {
     gaps.push_back({{"stream", gap.stream},
@@ -110,11 +121,17 @@ ordered_json timeline_json(const playback::Timeline& timeline) {
                         {"authority_after", or_null(bracket.authority_after)},
                         {"time", archive::time_proof_name(bracket.time)}});
   }
-  return {{"segments", std::move(segments)},
-          {"gaps", std::move(gaps)},
+  return {{"gaps", std::move(gaps)},
           {"tokens", std::move(tokens)},
           {"checkpoints", std::move(checkpoints)},
           {"brackets", std::move(brackets)}};
+}
+
+Response timeline_response(const std::vector<playback::TimelineSegment>& segments,
+                           const ordered_json& others) {
+  const std::string rest = others.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
+  return Response::text("{\"segments\":" + segments_text(segments) + "," + rest.substr(1) + "\n",
+                        "application/json");
 }
 
 /// The handlers' common part: who may watch has an identity, and what was watched is in the appliance log
@@ -285,12 +302,13 @@ class PlaybackApi {
                       " could not be fetched: " + found->problem);
       }
     }
-    ordered_json timeline = timeline_json(
-        playback::timeline_of(context_.open_case(request), trust == nullptr ? kNoTrust : *trust));
+    const playback::Timeline known =
+        playback::timeline_of(context_.open_case(request), trust == nullptr ? kNoTrust : *trust);
+    ordered_json timeline = timeline_json(known);
     timeline["proofs_coming"] = proofs_are_coming;
     const Session::Identities identities = request.session->identities();
     if (identities == nullptr || !may(request.session->role(), Right::kWatch)) {
-      return Response::json(timeline);
+      return timeline_response(known.segments, timeline);
     }
     ordered_json marks = ordered_json::array();
     try {
@@ -300,14 +318,14 @@ class PlaybackApi {
     } catch (const crypto::AgeError& error) {
       // kNoMatch: unlocked, for others' recordings.
       if (error.failure() != crypto::AgeFailure::kNoMatch) timeline["marks_problem"] = error.what();
-      return Response::json(timeline);
+      return timeline_response(known.segments, timeline);
     } catch (const Error& error) {
       timeline["marks_problem"] = error.what();  // the case can be watched without its marks
-      return Response::json(timeline);
+      return timeline_response(known.segments, timeline);
     }
     if (!marks.empty()) context_.enter_access_once(request, request.parameter("case"), "read marks");
     timeline["marks"] = std::move(marks);
-    return Response::json(timeline);
+    return timeline_response(known.segments, timeline);
   }
 
  private:

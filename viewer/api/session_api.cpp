@@ -8,6 +8,7 @@
 #include "crypto/hash.h"
 #include "crypto/identity_text.h"
 #include "viewer/api/api.h"
+#include "viewer/api/stored_cases.h"
 #include "viewer/http/http_fields.h"
 #include "viewer/people/json_fields.h"
 #include "viewer/people/sign_in_link.h"
@@ -41,6 +42,8 @@ class SessionApi {
                      {"has_password", session.credential().has_value()},
                      {"language", preferred_language(request.header("accept-language"))},
                      {"serves", context_.home().serves}};
+    if (const auto& stored = context_.home().stored)
+      out["searches"] = stored->can_search() && may(session.role(), Right::kWatch);
     if (const auto& invitation = session.invitation()) {
       out["invitation"] = {{"guest", invitation->terms().guest}, {"room", invitation->terms().room}};
     }

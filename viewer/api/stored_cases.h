@@ -36,6 +36,18 @@ struct StoredCasesPage {
   std::optional<std::string> next;
 };
 
+/// Whom or what a case is about, as somebody wrote it; empty fields ask for anything.
+struct StoredCasesSubject {
+  std::string patient, authority;        // the patient's number, and who gave it
+  std::string procedure, coding_system;  // the procedure's code
+};
+struct StoredCasesSearch {
+  StoredCasesPage page;
+  /// Of the cases that the question asks for otherwise: how many there are, of which so many cannot be
+  /// searched and so many have a note of another key.
+  std::uint64_t looked_at = 0, without_note = 0, foreign = 0;
+};
+
 /// What the catalogue knows of an appliance.
 struct StoredAppliance {
   std::string name;
@@ -54,6 +66,12 @@ class StoredCases {
 
   /// Throws Refusal (400) where the question makes no sense.
   virtual StoredCasesPage list(const StoredCasesQuestion& question) = 0;
+  /// Whether this server has the site's search key.
+  [[nodiscard]] virtual bool can_search() const = 0;
+  /// can_search() must be so. Throws Refusal as list(), and (400) where nothing can be searched by the
+  /// subject. Takes seconds where there are hundreds of thousands of cases; one search at a time.
+  virtual StoredCasesSearch search(const StoredCasesQuestion& question,
+                                   const StoredCasesSubject& subject) = 0;
   virtual std::vector<StoredAppliance> appliances() = 0;
   /// The row of one case; nothing where the catalogue has none.
   virtual std::optional<StoredCase> row(const std::string& name) = 0;

@@ -89,6 +89,12 @@ const VideoIndex& CaseMedia::video(const std::string& stream) const {
   return *found;
 }
 
+void CaseMedia::expect(const VideoIndex& index, std::size_t first, Ticks before) const {
+  if (!segments_) return;
+  for (std::size_t i = first; i < index.segments.size() && index.segments[i].start < before; ++i)
+    segments_->expect(index.segments[i].entry);
+}
+
 media::SealedSegment CaseMedia::open(const archive::SegmentEntry& segment) const {
   return segments_ ? media::SealedSegment::open(*segments_, segment, identities_, checked_)
                    : media::SealedSegment::open(folder_, segment, identities_, checked_);

@@ -67,6 +67,8 @@ class CaseMedia : public SegmentOpener {
   /// The whole file is compared with the ledger's hash when it is opened first, and each block again when it
   /// is decrypted. Throws as media::SealedSegment::open.
   [[nodiscard]] media::SealedSegment open(const archive::SegmentEntry& segment) const;
+  /// Segments `index` has from `first` on, which begin before `before`, will be opened soon.
+  void expect(const VideoIndex& index, std::size_t first, Ticks before) const;
   [[nodiscard]] std::unique_ptr<crypto::ByteSource> open_plaintext(
       const archive::SegmentEntry& segment) const override {
     return std::make_unique<media::SealedSegment>(open(segment));

@@ -81,6 +81,10 @@ CasePlayback::Stream& CasePlayback::stream_of(const std::string& stream) {
   return *slot;
 }
 
+void CasePlayback::expect(const VideoIndex& index, std::uint64_t piece) const {
+  media_.expect(index, index.first_reaching(begin_of(piece)), begin_of(piece) + kPieceTicks);
+}
+
 CasePlayback::Stream& CasePlayback::prepared(const std::string& stream) {
   Stream& found = stream_of(stream);
   found.prepare();
@@ -109,8 +113,10 @@ Bytes CasePlayback::cached(const std::string& name, const std::function<Bytes()>
 
 Bytes CasePlayback::cached_piece(Stream& stream, std::uint64_t number) {
   if (!may_hold(stream.index, number)) return {};
-  return cached(name_of("piece", stream.index, number),
-                [&] { return stream.boxes.make_piece(stream.format, number); });
+  return cached(name_of("piece", stream.index, number), [&] {
+    expect(stream.index, number);
+    return stream.boxes.make_piece(stream.format, number);
+  });
 }
 
 std::optional<InitSegment> CasePlayback::sound_init_segment(const std::string& stream) {

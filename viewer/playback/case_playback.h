@@ -91,6 +91,8 @@ class CasePlayback {
 
   Stream& stream_of(const std::string& stream);
   Stream& prepared(const std::string& stream);
+  /// The segments of the piece will be opened soon.
+  void expect(const VideoIndex& index, std::uint64_t piece) const;
   void require_readable(const std::vector<archive::SegmentEntry>& segments) const;
   /// What the cache knows by the name; made, once for all who ask meanwhile, where it does not.
   [[nodiscard]] Bytes cached(const std::string& name, const std::function<Bytes()>& make);

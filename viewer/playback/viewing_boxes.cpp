@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <unordered_map>
 #include <utility>
 
 #include <nlohmann/json.hpp>
@@ -48,6 +49,7 @@ auto believed(const VideoIndex& index, const Read& read) {
 class AskedSegments : public SegmentOpener {
  public:
   AskedSegments(const VideoIndex& index, media::JobSegments& segments) : segments_(segments) {
+    numbers_.reserve(index.segments.size());
     for (std::size_t i = 0; i < index.segments.size(); ++i) numbers_[index.segments[i].entry.file.file] = i;
   }
   [[nodiscard]] std::unique_ptr<crypto::ByteSource> open_plaintext(
@@ -57,7 +59,7 @@ class AskedSegments : public SegmentOpener {
 
  private:
   media::JobSegments& segments_;
-  std::map<std::string, std::size_t> numbers_;
+  std::unordered_map<std::string, std::size_t> numbers_;
 };
 
 /// The pictures of a part of the stream, in order, of which the newest two are kept.

@@ -1,5 +1,9 @@
 #include "viewer/playback/viewing_jobs.h"
 
+#include <optional>
+#include <string>
+#include <utility>
+
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -11,6 +15,7 @@ using nlohmann::json;
 
 constexpr int kLargestSide = 16'384, kLargestPoint = 255, kMostPictures = 1000, kFastestSound = 768'000,
               kMostChannels = 64, kLongestBlock = 1 << 20;
+constexpr int kBeginsRun = 1, kComplete = 2, kCounted = 4;
 
 int within(const json& value, int least, int most) {
   const auto number = value.get<std::int64_t>();
@@ -20,17 +25,26 @@ int within(const json& value, int least, int most) {
 
 }  // namespace
 
+// By columns, and offsets where they change: ten hours have tens of thousands of segments, and each decoder
+// that is started is told of all.
 json json_of(const VideoIndex& index) {
-  json segments = json::array();
+  json files = json::array(), starts = json::array(), ends = json::array(), offsets = json::array();
+  std::string flags;
+  const std::optional<Ticks>* before = nullptr;
   for (const IndexedSegment& segment : index.segments) {
-    segments.push_back({segment.entry.file.file, segment.start, segment.end, segment.begins_run,
-                        segment.entry.complete, segment.entry.counted,
-                        segment.offset ? json(*segment.offset) : json(nullptr)});
+    if (before == nullptr || *before != segment.offset)
+      offsets.push_back({flags.size(), segment.offset ? json(*segment.offset) : json(nullptr)});
+    before = &segment.offset;
+    files.push_back(segment.entry.file.file);
+    starts.push_back(segment.start);
+    ends.push_back(segment.end);
+    flags +=
+        static_cast<char>('0' + (segment.begins_run ? kBeginsRun : 0) +
+                          (segment.entry.complete ? kComplete : 0) + (segment.entry.counted ? kCounted : 0));
   }
-  return {{"name", index.stream.name},
-          {"kind", index.stream.kind},
-          {"media", index.stream.media},
-          {"segments", std::move(segments)}};
+  return {{"name", index.stream.name}, {"kind", index.stream.kind},    {"media", index.stream.media},
+          {"files", std::move(files)}, {"starts", std::move(starts)},  {"ends", std::move(ends)},
+          {"flags", std::move(flags)}, {"offsets", std::move(offsets)}};
 }
 
 VideoIndex index_from(const json& stated) {
@@ -38,15 +52,26 @@ VideoIndex index_from(const json& stated) {
   index.stream.name = stated.at("name");
   index.stream.media = stated.at("media");
   index.stream.kind = stated.at("kind");
-  for (const json& each : stated.at("segments")) {
+  const std::string flags = stated.at("flags");
+  const json &files = stated.at("files"), &starts = stated.at("starts"), &ends = stated.at("ends");
+  auto next = stated.at("offsets").begin();
+  const auto last = stated.at("offsets").end();
+  std::optional<Ticks> offset;
+  index.segments.reserve(flags.size());
+  for (std::size_t i = 0; i < flags.size(); ++i) {
+    if (next != last && next->at(0) == i) {
+      offset = next->at(1).is_null() ? std::nullopt : std::optional(next->at(1).get<Ticks>());
+      ++next;
+    }
     IndexedSegment segment;
-    segment.entry.file.file = each.at(0);
-    segment.start = each.at(1);
-    segment.end = each.at(2);
-    segment.begins_run = each.at(3);
-    segment.entry.complete = each.at(4);
-    segment.entry.counted = each.at(5);
-    if (each.at(6).is_number()) segment.offset = each.at(6).get<Ticks>();
+    segment.entry.file.file = files.at(i);
+    segment.start = starts.at(i);
+    segment.end = ends.at(i);
+    const int bits = flags[i] - '0';
+    segment.begins_run = (bits & kBeginsRun) != 0;
+    segment.entry.complete = (bits & kComplete) != 0;
+    segment.entry.counted = (bits & kCounted) != 0;
+    segment.offset = offset;
     index.segments.push_back(std::move(segment));
   }
   return index;

@@ -84,6 +84,46 @@ TEST(StrictJson, ReadsTheLargestIntegersAllowed) {
   EXPECT_EQ(problem, "");
 }
 
+/// A blank leads past the reader of what programs write.
+TEST(StrictJson, ReadsWhatProgramsWriteAsItReadsAllElse) {
+  const std::string digits(15, '9');
+  for (const std::string& text :
+       {R"({"type":"segment","seq":17,"complete":true,"erased":false,"sha256":"ab"})"s,
+        R"({"a":[],"b":{},"c":[1,"x",[true]],"":""})"s, R"([{"a":1},{"a":1}])"s, R"("text")"s, "true"s, "0"s,
+        R"([0,-1,9007199254740991,-9007199254740991,)" + digits + "]", "[-0]"s, R"({"é":"患者 x"})"s,
+        R"({"a":"\u0061\n\"","b":"\\"})"s, "{\"a\":\"\x7F\"}"s}) {
+    const JsonParse parse = parse_json(text), other = parse_json(" " + text);
+    ASSERT_TRUE(parse.value.has_value()) << text << ": " << parse.problem;
+    EXPECT_TRUE(parse.value == other.value) << text;
+  }
+  for (const std::string& text : {R"({"a":1,"a":2})"s,
+                                  R"({"a":1,})"s,
+                                  R"({"a"})"s,
+                                  R"({"a":01})"s,
+                                  R"({"a":-})"s,
+                                  R"({"a":1.5})"s,
+                                  R"({"a":1e3})"s,
+                                  R"({"a":null})"s,
+                                  R"({a:1})"s,
+                                  R"(["x)"s,
+                                  R"(["x\)"s,
+                                  "[1"s,
+                                  "[1,"s,
+                                  "[,1]"s,
+                                  "[]]"s,
+                                  "[tru]"s,
+                                  "[truefalse]"s,
+                                  "-"s,
+                                  R"([1"x"])"s,
+                                  "{]"s,
+                                  "[}"s,
+                                  "[9007199254740992]"s,
+                                  "[[[[[1]]]]]"s}) {
+    EXPECT_FALSE(parse_json(text).value.has_value()) << text;
+    EXPECT_FALSE(parse_json(" " + text).value.has_value()) << text;
+  }
+}
+
 std::string problem_of(const std::string& json, const std::function<void(JsonFields&)>& read) {
   const JsonParse parse = parse_json(json);
   EXPECT_TRUE(parse.value.has_value()) << parse.problem;
@@ -138,8 +178,15 @@ TEST(JsonFields, TakesOnlyLowerCaseHashesAndCanonicalTimes) {
   const std::string upper(64, 'A');
   EXPECT_THAT(problem_of("{\"h\":\"" + upper + "\"}", [](JsonFields& f) { f.digest("h"); }),
               ::testing::HasSubstr("64 lower-case hex digits"));
-  EXPECT_THAT(problem_of(R"({"t":"2026-08-05T09:15:02Z"})", [](JsonFields& f) { f.utc("t"); }),
-              ::testing::HasSubstr("is not a UTC time such as"));
+  for (const char* time :
+       {"2026-08-05T09:15:02Z", "2026-08-05T09:15:02.12345Z", "2026-08-05T09:15:02.1234567Z",
+        "2026-02-30T09:15:02.000123Z", "2026-08-05T24:15:02.000123Z", "2026-08-05T09:15:02.000123z",
+        "2026-08-05 09:15:02.000123Z", "2026-08-05T09:15:02.00012 Z"}) {
+    EXPECT_THAT(problem_of(std::string(R"({"t":")") + time + R"("})", [](JsonFields& f) { f.utc("t"); }),
+                ::testing::HasSubstr("is not a UTC time such as"))
+        << time;
+  }
+  EXPECT_EQ(problem_of(R"({"t":"2026-08-05T09:15:02.000123Z"})", [](JsonFields& f) { f.utc("t"); }), "");
 }
 
 }  // namespace

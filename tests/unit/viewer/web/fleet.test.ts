@@ -2,7 +2,7 @@ import { describe, expect, it } from 'vitest';
 import type { FleetCase } from '@/api/types';
 import { hrefOf, parseRoute } from '@/base/route';
 import { type CasesPage, FoundCases } from '@/fleet/found_cases';
-import { type FleetQuestion, kAnything, queryOf, shownCase } from '@/fleet/question';
+import { type FleetQuestion, isSearch, kAnything, queryOf, searchOf, shownCase } from '@/fleet/question';
 
 describe('What is asked of all appliances', () => {
   it('is anything, unless somebody narrows it', () => {
@@ -23,6 +23,26 @@ describe('What is asked of all appliances', () => {
     expect(query.get('from')).toBe(new Date(2026, 7, 5).toISOString());
     expect(query.get('before')).toBe(new Date(2026, 8, 1).toISOString());
     expect(Object.fromEntries(queryOf({ ...kAnything, from: 'soon' }, 10))).toEqual({ limit: '10' });
+  });
+});
+
+describe('A search by patient or procedure', () => {
+  it('is what names one of them', () => {
+    expect(isSearch({ ...kAnything, appliance: 'or-2' })).toBe(false);
+    expect(isSearch({ ...kAnything, patient: '12345' })).toBe(true);
+    expect(isSearch({ ...kAnything, procedure: 'K653' })).toBe(true);
+  });
+  it('is told in a body, and never in an address', () => {
+    const asked = { ...kAnything, patient: '12345', appliance: 'or-2', verdict: 'none', attention: true } as const;
+    expect(searchOf(asked, 50, 'x')).toEqual({ patient: '12345', appliance: 'or-2', unverified: true, attention: true, limit: 50, after: 'x' });
+    expect(searchOf({ ...kAnything, procedure: 'K653', verdict: 'intact' }, 50)).toEqual({
+      procedure: 'K653',
+      verdict: 'intact',
+      unverified: false,
+      attention: false,
+      limit: 50,
+    });
+    expect(queryOf(asked, 50).toString()).not.toContain('12345');
   });
 });
 
@@ -56,6 +76,18 @@ describe('The list of cases', () => {
     waiting[3]?.answer(page(null, 'd'));
     await again;
     expect([ids(), cases.problem.peek()]).toEqual([['d'], undefined]);
+  });
+  it('says how many cases a search could not find', async () => {
+    const { cases, waiting } = catalogue();
+    const search = cases.find({ ...kAnything, patient: '12345' });
+    waiting[0]?.answer({ ...page(null, 'a'), looked_at: 5, without_note: 2, not_by_this_key: 1 });
+    await search;
+    expect(cases.lookedAt.peek()).toEqual({ looked_at: 5, without_note: 2, not_by_this_key: 1 });
+    const all = cases.find(kAnything);
+    expect(cases.lookedAt.peek()).toBe(undefined);
+    waiting[1]?.answer(page(null, 'a'));
+    await all;
+    expect(cases.lookedAt.peek()).toBe(undefined);
   });
   it('has each page once, however often it is asked for', async () => {
     const { cases, ids, waiting } = catalogue();

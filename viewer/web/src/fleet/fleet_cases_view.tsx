@@ -5,8 +5,8 @@ import type { FleetAppliance, FleetCase, Verdict } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatBytes, formatDuration } from '@/base/time';
 import { fleet } from '@/fleet/fleet_api';
-import { FoundCases } from '@/fleet/found_cases';
-import { type FleetQuestion, kAnything } from '@/fleet/question';
+import { FoundCases, type LookedAt } from '@/fleet/found_cases';
+import { type FleetQuestion, isSearch, kAnything } from '@/fleet/question';
 import { formatMoment, t, word } from '@/i18n/i18n';
 import { returns } from '@/shell/connection';
 import { Icon } from '@/shell/icon';
@@ -149,6 +149,58 @@ function Questions({ asked, appliances, ask }: { asked: FleetQuestion; appliance
   );
 }
 
+/** By patient or procedure: asked for as a whole, since each search is entered in the log. */
+function Search({ asked, ask }: { asked: FleetQuestion; ask: (more: Partial<FleetQuestion>) => void }) {
+  const patient = useSignal(asked.patient);
+  const procedure = useSignal(asked.procedure);
+  // Whoever asks for all cases elsewhere asks for nobody here.
+  useEffect(() => {
+    patient.value = asked.patient;
+    procedure.value = asked.procedure;
+  }, [asked.patient, asked.procedure]);
+  return (
+    <form
+      role="search"
+      class="card fleet-questions"
+      aria-label={t('fleet.search')}
+      autocomplete="off"
+      onSubmit={(event) => {
+        event.preventDefault();
+        ask({ patient: patient.value.trim(), procedure: procedure.value.trim() });
+      }}
+    >
+      <label class="field">
+        <span>{t('fleet.patient')}</span>
+        <input type="text" value={patient.value} maxLength={256} onInput={(event) => (patient.value = event.currentTarget.value)} />
+      </label>
+      <label class="field">
+        <span>{t('fleet.procedure')}</span>
+        <input type="text" value={procedure.value} maxLength={256} onInput={(event) => (procedure.value = event.currentTarget.value)} />
+      </label>
+      <button type="submit" class="button">
+        <Icon name="search" />
+        {t('fleet.find')}
+      </button>
+      {isSearch(asked) && (
+        <button type="button" class="button" onClick={() => ask({ patient: '', procedure: '' })}>
+          {t('fleet.clear')}
+        </button>
+      )}
+      <small class="muted fleet-search-what">{t('fleet.searchWhat')}</small>
+    </form>
+  );
+}
+
+/** Absence proves nothing: how many cases could not be found is said beside what was. */
+function Looked({ at }: { at: LookedAt }) {
+  return (
+    <p class="muted" role="status">
+      {t('fleet.lookedAt', { n: at.looked_at, without: at.without_note })}
+      {at.not_by_this_key > 0 && ` ${t('fleet.otherKey', { n: at.not_by_this_key })}`}
+    </p>
+  );
+}
+
 /** `first`: what is asked for when the list opens, as from an appliance's row. */
 export function FleetCasesView({ first }: { first?: string | undefined }) {
   const asked = useSignal<FleetQuestion>({ ...kAnything, appliance: first ?? '' });
@@ -185,6 +237,15 @@ export function FleetCasesView({ first }: { first?: string | undefined }) {
           asked.value = { ...asked.peek(), ...more };
         }}
       />
+      {session.value?.searches && (
+        <Search
+          asked={question}
+          ask={(more) => {
+            asked.value = { ...asked.peek(), ...more };
+          }}
+        />
+      )}
+      {cases.lookedAt.value && <Looked at={cases.lookedAt.value} />}
       {problem !== undefined && (
         <StateCard icon="alarm" title={t('state.noAnswer')} what={t('state.noAnswerWhat')} why={problem}>
           <button type="button" class="button button-main" onClick={() => void find()}>
@@ -193,7 +254,7 @@ export function FleetCasesView({ first }: { first?: string | undefined }) {
         </StateCard>
       )}
       {list?.length === 0 && (
-        <StateCard icon="cases" title={t('fleet.none')} what={t('fleet.noneWhat')}>
+        <StateCard icon="cases" title={t('fleet.none')} what={t(isSearch(question) ? 'fleet.noneFoundWhat' : 'fleet.noneWhat')}>
           <button
             type="button"
             class="button"

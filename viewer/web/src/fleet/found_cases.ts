@@ -4,7 +4,13 @@ import type { FleetCase } from '@/api/types';
 import type { FleetQuestion } from '@/fleet/question';
 import { notifyOf, textOf } from '@/shell/state';
 
-export interface CasesPage {
+/** What a search by patient or procedure looked at. */
+export interface LookedAt {
+  looked_at: number;
+  without_note: number;
+  not_by_this_key: number;
+}
+export interface CasesPage extends Partial<LookedAt> {
   cases: readonly FleetCase[];
   next: string | null;
 }
@@ -14,6 +20,8 @@ export class FoundCases {
   /** Undefined while there is no answer to the newest question. */
   readonly list = signal<readonly FleetCase[] | undefined>(undefined);
   readonly next = signal<string | null>(null);
+  /** Of a search whose answer is the list. */
+  readonly lookedAt = signal<LookedAt | undefined>(undefined);
   /** Why there is none. */
   readonly problem = signal<string | undefined>(undefined);
   private question: FleetQuestion | undefined;
@@ -25,6 +33,7 @@ export class FoundCases {
     if (question !== this.question) {
       this.list.value = undefined;
       this.next.value = null;
+      this.lookedAt.value = undefined;
     }
     this.question = question;
     this.problem.value = undefined;
@@ -33,6 +42,8 @@ export class FoundCases {
       if (this.question !== question) return false; // another was asked meanwhile
       this.list.value = found.cases;
       this.next.value = found.next;
+      const { looked_at, without_note = 0, not_by_this_key = 0 } = found;
+      this.lookedAt.value = looked_at === undefined ? undefined : { looked_at, without_note, not_by_this_key };
       return true;
     } catch (error) {
       if (this.question !== question) return false;

@@ -244,6 +244,13 @@ export const kServerSentences: readonly SentencePair[] = [
     "'{file}' has changed since this lung was opened, so that what is shown would not be what is saved: start the workbench anew",
     'この肺を開いた後に「{file}」が変更されたため、表示中の内容を保存できません。作業台を起動し直してください',
   ],
+  [
+    "this server has no search key: 'kiroku-fleet serve --search-key FILE' gives it one",
+    'このサーバーには検索用の鍵がありません。kiroku-fleet serve --search-key FILE で渡してください',
+  ],
+  ["to search give 'patient' or 'procedure' or both", '検索するには患者番号か術式コードを入力してください'],
+  ["of what '{name}' says nothing can be searched", '入力された内容では検索できません（{name}）'],
+  ["'{name}' stands beside '{other}'", '{name} は {other} とともに指定してください'],
   ['this server seals no models: it serves no home of its own', 'このサーバーではモデルを封印できません'],
   ['the fit was cancelled', 'あてはめを中止しました'],
   ['finding how the patient lies', '患者の位置を求めています'],
