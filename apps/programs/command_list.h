@@ -1,5 +1,5 @@
 // Every command of kiroku, once: its name, which program answers it, and who adds it. From this list the
-// three programs add theirs, and the small one knows which other to become. Constant expressions;
+// four programs add theirs, and the small one knows which other to become. Constant expressions;
 // thread-safe.
 //
 // Functions of commands are named in functions that are only evaluated while compiling, so that each program
@@ -22,8 +22,8 @@
 
 namespace kiroku::apps {
 
-/// kiroku itself, kiroku-sim, or kiroku-full, which answers everything.
-enum class AnsweredBy { kSmall, kSim, kFull };
+/// kiroku itself, kiroku-media, kiroku-sim, or kiroku-full, which answers everything.
+enum class AnsweredBy { kSmall, kMedia, kSim, kFull };
 
 struct StatedCommand {
   std::string_view name;
@@ -39,21 +39,21 @@ struct Commands {
   static consteval auto list() {
     using enum AnsweredBy;
     return std::to_array<StatedCommand>(
-        {{"init", kSmall, add_init_command},       {"record", kFull, add_record_command},
+        {{"init", kSmall, add_init_command},       {"record", kMedia, add_record_command},
          {"case", kSmall, add_case_command},       {"status", kSmall, add_status_command},
-         {"doctor", kFull, add_doctor_command},    {"boot", kSmall, add_boot_command},
-         {"devices", kFull, add_devices_command},  {"recover", kFull, add_recover_command},
-         {"cases", kSmall, add_cases_command},     {"display", kFull, add_display_command},
-         {"verify", kSmall, add_verify_command},   {"report", kFull, add_report_command},
-         {"export", kFull, add_export_command},    {"excerpt", kSmall, add_excerpt_command},
-         {"erase", kFull, add_erase_command},      {"hold", kSmall, add_hold_command},
+         {"doctor", kMedia, add_doctor_command},   {"boot", kSmall, add_boot_command},
+         {"devices", kMedia, add_devices_command}, {"recover", kMedia, add_recover_command},
+         {"cases", kSmall, add_cases_command},     {"display", kMedia, add_display_command},
+         {"verify", kSmall, add_verify_command},   {"report", kMedia, add_report_command},
+         {"export", kMedia, add_export_command},   {"excerpt", kSmall, add_excerpt_command},
+         {"erase", kMedia, add_erase_command},     {"hold", kSmall, add_hold_command},
          {"release", kSmall, add_release_command}, {"consent", kSmall, add_consent_command},
          {"renew", kSmall, add_renew_command},     {"seal", kSmall, add_seal_command},
          {"unseal", kSmall, add_unseal_command},   {"stamp", kSmall, add_stamp_command},
          {"token", kSmall, add_token_command},     {"tsa", kSmall, add_tsa_command},
          {"log", kSmall, add_log_command},         {"witness", kSmall, add_witness_command},
          {"ship", kSmall, add_ship_command},       {"fetch", kSmall, add_fetch_command},
-         {"fleet", kSmall, add_fleet_command},     {"view", kFull, add_view_command},
+         {"fleet", kSmall, add_fleet_command},     {"view", kMedia, add_view_command},
          {"user", kSmall, add_user_command},       {"sim", kSim, add_sim_group},
          {"plan", kSim, add_plan_group},           {"respire", kFull, add_respire_command},
          {"compare", kFull, add_compare_command},  {"train", kFull, add_train_command},

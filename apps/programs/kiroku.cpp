@@ -1,6 +1,6 @@
 // kiroku: what people start. What needs only a few small libraries is answered here: loading those of
-// cameras and codecs would often take far longer than the answer. What simulates becomes
-// kiroku-sim, everything else kiroku-full.
+// cameras and codecs would often take far longer than the answer. What records and shows becomes
+// kiroku-media, what simulates kiroku-sim, everything else kiroku-full.
 
 #include <algorithm>
 #include <cerrno>
@@ -35,6 +35,13 @@ bool simulates(int argc, const char* const* argv) {
          (group == "plan" && answers(kiroku::apps::kPlanPlaces, name, AnsweredBy::kSim));
 }
 
+/// The program that answers what this one does not.
+const char* other_program(int argc, const char* const* argv) {
+  if (simulates(argc, argv)) return "kiroku-sim";
+  const bool media = argc > 1 && answers(kiroku::apps::kCommandPlaces, argv[1], AnsweredBy::kMedia);
+  return media ? "kiroku-media" : "kiroku-full";
+}
+
 /// Beside this program, as it is built, or where it is installed.
 fs::path beside(const std::string& name) {
   std::error_code failed;
@@ -56,7 +63,7 @@ int main(int argc, char** argv) {
     add_commands<Commands, kHere>(program.root());
     return program.run(argc, argv);
   }
-  const fs::path other = beside(simulates(argc, argv) ? "kiroku-sim" : "kiroku-full");
+  const fs::path other = beside(other_program(argc, argv));
   ask_for_wide_blas_kernels();
   ::execv(other.c_str(), argv);
   print_error("kiroku", "cannot start " + other.string() + ": " + std::strerror(errno) +

@@ -9,6 +9,7 @@ extern "C" {
 #include <condition_variable>
 #include <mutex>
 
+#include "media/libav_filter_library.h"
 #include "recorder/source/source_guard.h"
 #include "recorder/source/synthetic_source.h"
 
@@ -78,9 +79,22 @@ bool wait_until(const CaseClock& clock, std::int64_t due_ns, const std::atomic<b
   return false;
 }
 
+namespace {
+
+/// Pictures of a camera may need it at any time, and an upgrade during an operation may replace it.
+void load_filters_while_they_are_there() {
+  try {
+    media::load_filter_library();
+  } catch (const Error&) {  // the encoder that needs it says the same
+  }
+}
+
+}  // namespace
+
 std::unique_ptr<Source> open_source(const SourceAddress& address, const CaseClock& clock,
                                     const OpeningTerms& terms) {
   if (address.kind == SourceKind::kSynthetic) return open_synthetic_source(address, clock, terms.sound);
+  load_filters_while_they_are_there();
   const std::shared_ptr<SourceGuard> guard = terms.guard ? terms.guard : std::make_shared<SourceGuard>();
   return guard->open(address, clock, terms);
 }

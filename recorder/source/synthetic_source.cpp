@@ -1,8 +1,6 @@
 #include "recorder/source/synthetic_source.h"
 
 extern "C" {
-#include <libavfilter/avfilter.h>
-#include <libavfilter/buffersink.h>
 #include <libavutil/channel_layout.h>
 #include <libavutil/frame.h>
 #include <libavutil/pixdesc.h>
@@ -20,13 +18,14 @@ extern "C" {
 #include <vector>
 
 #include "base/error.h"
+#include "recorder/source/synthetic_scene.h"
 
 namespace kiroku::recorder {
 namespace {
 
 using media::require;
 
-struct Scene {
+struct SceneOptions {
   int width = 1280, height = 720, rate = 25;
   std::string pixel_format = "yuv420p";
   int flash_every_s = 0;
@@ -36,9 +35,9 @@ struct Scene {
   int light_height = 0;  // pixels
 };
 
-Scene scene_of(const SourceAddress& address) {
+SceneOptions options_of(const SourceAddress& address) {
   address.require_options("size,rate,pixel_format,flash,beep,speed,change,light,light_height");
-  Scene scene;
+  SceneOptions scene;
   if (address.options.contains("size")) {
     const std::string size = address.option("size", "");
     int used = 0;
@@ -70,125 +69,6 @@ Scene scene_of(const SourceAddress& address) {
                      "': light_height needs light, a .pgm that 'kiroku display -o' writes");
   }
   return scene;
-}
-
-std::string size_of(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
-
-/// One picture, computed once and repeated for ever: everything costly is in the still; only crops and
-/// overlays move.
-std::string still(const std::string& width, const std::string& height, int rate,
-                  const std::string& expression, const std::string& format) {
-  return "nullsrc=s=" + width + "x" + height + ":r=" + std::to_string(rate) + ":d=1,format=" + format + "," +
-         expression + ",trim=end_frame=1,loop=loop=-1:size=1,setpts=N";
-}
-
-// Tissue: warm reds with folds (sums of sines bent by each other), fine vessels where two waves cross zero,
-// mottled by blurred noise.
-constexpr const char* kTissue =
-    "geq=r='186+30*sin(X/W*17+2.3*sin(Y/H*9))+18*sin(Y/H*23+1.7*sin(X/W*13))-60*lt(abs(sin(X/W*15+3*sin(Y/"
-    "H*6))*sin(Y/H*14+2*sin(X/W*5))),0.025)'"
-    ":g='88+24*sin(X/W*17+2.3*sin(Y/H*9))+14*sin(Y/H*23+1.7*sin(X/W*13))-50*lt(abs(sin(X/W*15+3*sin(Y/"
-    "H*6))*sin(Y/H*14+2*sin(X/W*5))),0.025)'"
-    ":b='76+20*sin(X/W*17+2.3*sin(Y/H*9))+10*sin(Y/H*19)',noise=alls=36:all_seed=7,gblur=sigma=2.2";
-
-// What an endoscope's tip sees of its own light: bright in the middle, black outside the round field.
-constexpr const char* kVignette =
-    "geq=r=0:g=0:b=0:a='255*clip((hypot(X-W/2,Y-H/2)/(H/2)-0.62)*1.1,0,1)+255*gt(hypot(X-W/2,Y-H/"
-    "2),H*0.485)'";
-
-// A grasper from the right: a steel shaft with a lit upper edge, and a tapering jaw.
-constexpr const char* kGrasper =
-    "geq=r='110+120*exp(-pow((Y-H*0.32)/(H*0.12),2))':g='114+120*exp(-pow((Y-H*0.32)/"
-    "(H*0.12),2))':b='120+120*exp(-pow((Y-H*0.32)/(H*0.12),2))'"
-    ":a='255*if(gt(X,W*0.3),lt(abs(Y-H/2),H*0.42),lt(abs(abs(Y-H/2)-(W*0.3-X)*0.25),H*0.06+H*0.26*X/"
-    "(W*0.3)))'";
-
-// Wet tissue reflects the light in small bright spots.
-constexpr const char* kGloss =
-    "geq=r=255:g=250:b=245:a='230*gt(sin(X/W*37+5*sin(Y/H*11))*sin(Y/H*31+4*sin(X/"
-    "W*17)),0.985)',gblur=sigma=1.1";
-
-std::string endoscope(const Scene& s) {
-  const std::string w = std::to_string(s.width), h = std::to_string(s.height);
-  const std::string larger_w = std::to_string(s.width * 5 / 4 / 2 * 2),
-                    larger_h = std::to_string(s.height * 5 / 4 / 2 * 2);
-  const std::string grasper_w = std::to_string(s.width / 2 / 2 * 2),
-                    grasper_h = std::to_string(std::max(16, s.height / 9 / 2 * 2));
-  const std::string r = std::to_string(s.rate);
-  return still(larger_w, larger_h, s.rate, kTissue, "gbrp") + ",format=yuv420p,crop=" + w + ":" + h +
-         ":x='(iw-ow)/2*(1+0.8*sin(n/" + r + "*0.9))':y='(ih-oh)/2*(1+0.8*sin(n/" + r + "*1.7))'[tissue];" +
-         still(w, h, s.rate, kGloss, "gbrap") + ",format=yuva420p[gloss];" +
-         still(grasper_w, grasper_h, s.rate, kGrasper, "gbrap") + ",format=yuva420p[grasper];" +
-         still(w, h, s.rate, kVignette, "gbrap") + ",format=yuva420p[vignette];" +
-         "[tissue][gloss]overlay=x='8*sin(n/" + r + "*1.3)':y='6*sin(n/" + r +
-         "*1.7)'[wet];[wet][grasper]overlay=x='W*0.46+W*0.07*sin(n/" + r + "*0.8)':y='H*0.52+H*0.10*sin(n/" +
-         r + "*1.1)'[held];[held][vignette]overlay=shortest=1";
-}
-
-// Wall and floor, a lamp's glow, a table under a green drape with its shadow.
-constexpr const char* kRoom =
-    "geq=r='if(lt(Y,H*0.62),150+20*Y/H,96+30*Y/H)+70*exp(-pow(hypot((X-W*0.52)/(W*0.16),(Y-H*0.16)/"
-    "(H*0.20)),2))"
-    "-(if(lt(Y,H*0.62),150+20*Y/H,96+30*Y/H)-30)*between(X,W*0.30,W*0.74)*between(Y,H*0.56,H*0.74)'"
-    ":g='if(lt(Y,H*0.62),166+20*Y/H,104+30*Y/H)+70*exp(-pow(hypot((X-W*0.52)/(W*0.16),(Y-H*0.16)/"
-    "(H*0.20)),2))"
-    "-(if(lt(Y,H*0.62),166+20*Y/H,104+30*Y/H)-104)*between(X,W*0.30,W*0.74)*between(Y,H*0.56,H*0.74)'"
-    ":b='if(lt(Y,H*0.62),170+20*Y/H,108+30*Y/H)+60*exp(-pow(hypot((X-W*0.52)/(W*0.16),(Y-H*0.16)/"
-    "(H*0.20)),2))"
-    "-(if(lt(Y,H*0.62),170+20*Y/H,108+30*Y/"
-    "H)-96)*between(X,W*0.30,W*0.74)*between(Y,H*0.56,H*0.74)',noise=alls=6:all_seed=3";
-
-// A person in scrubs: head and shoulders.
-constexpr const char* kPerson =
-    "geq=r='if(lt(Y,H*0.30),if(lt(Y,H*0.14),60,205),52)':g='if(lt(Y,H*0.30),if(lt(Y,H*0.14),120,170),112)':b="
-    "'if(lt(Y,H*0.30),if(lt(Y,H*0.14),140,150),118)'"
-    ":a='255*gt(lt(hypot((X-W/2)/(W*0.24),(Y-H*0.16)/(H*0.15)),1)+lt(hypot((X-W/2)/(W*0.48),(Y-H*0.72)/"
-    "(H*0.46)),1),0)',gblur=sigma=1";
-
-std::string room(const Scene& s) {
-  const std::string w = std::to_string(s.width), h = std::to_string(s.height), r = std::to_string(s.rate);
-  const std::string person_w = std::to_string(std::max(16, s.width / 7 / 2 * 2)),
-                    person_h = std::to_string(std::max(16, s.height / 2 / 2 * 2));
-  const std::string font = std::to_string(std::max(10, s.height / 14));
-  return still(w, h, s.rate, kRoom, "gbrp") + ",format=yuv420p[room];" +
-         still(person_w, person_h, s.rate, kPerson, "gbrap") + ",format=yuva420p,split[one][two];" +
-         "[room][one]overlay=x='W*0.20+W*0.03*sin(n/" + r + "*0.6)':y='H*0.30+H*0.01*sin(n/" + r +
-         "*2.1)'[a];[a][two]overlay=x='W*0.64+W*0.05*sin(n/" + r + "*0.4+1)':y='H*0.28'" +
-         ":shortest=1,drawtext=font=Sans:fontsize=" + font +
-         ":fontcolor=white:box=1:boxcolor=black@0.7:boxborderw=8:x=w*0.03:y=h*0.04:text='%{gmtime\\:%Y-%m-%d "
-         "%H\\\\\\:%M\\\\\\:%S} UTC'" +
-         ",drawtext=font=Sans:fontsize=" + font +
-         ":fontcolor=yellow:box=1:boxcolor=black@0.7:boxborderw=8:x=w*0.03:y=h*0.15:text='%{eif\\:trunc(n/" +
-         r + "/60)\\:d\\:2}\\:%{eif\\:mod(trunc(n/" + r + ")\\,60)\\:d\\:2}.%{eif\\:mod(n\\," + r +
-         ")\\:d\\:2}'";
-}
-
-std::string pattern(const Scene& s) {
-  // Larger than the picture by a strip that it moves in: a crop moves pointers, no pixel.
-  const std::string larger = size_of(s.width + 256, s.height);
-  return "testsrc2=s=" + larger + ":r=" + std::to_string(s.rate) +
-         ":d=1,trim=end_frame=1,format=" + s.pixel_format +
-         ",loop=loop=-1:size=1,setpts=N,crop=" + std::to_string(s.width) + ":" + std::to_string(s.height) +
-         ":x='2*mod(n*2,128)':y=0";
-}
-
-std::string graph_of(const std::string& name, const SourceAddress& address, const Scene& scene) {
-  std::string graph;
-  if (name == "endoscope") {
-    graph = endoscope(scene);
-  } else if (name == "room") {
-    graph = room(scene);
-  } else if (name == "pattern") {
-    graph = pattern(scene);
-  } else {
-    throw UsageError("there is no source '" + address.stated +
-                     "'; pictures come from synthetic:endoscope, synthetic:room and synthetic:pattern");
-  }
-  if (scene.flash_every_s > 0) {
-    graph += ",drawbox=x=0:y=0:w=iw:h=ih:color=white:t=fill:enable='lt(mod(n," +
-             std::to_string(scene.flash_every_s * scene.rate) + "),1)'";
-  }
-  return graph + ",format=" + scene.pixel_format;
 }
 
 constexpr int kSoundRate = 48'000;
@@ -281,16 +161,15 @@ class SyntheticSource : public Source {
   SyntheticSource(const SourceAddress& address, const CaseClock& clock, bool with_sound)
       : address_(address),
         clock_(clock),
-        scene_(scene_of(address)),
-        has_sound_(with_sound && scene_.beep_every_s > 0) {
-    if (!scene_.light.empty()) display_.emplace(scene_.light, scene_.light_height);
+        options_(options_of(address)),
+        has_sound_(with_sound && options_.beep_every_s > 0) {
+    if (!options_.light.empty()) display_.emplace(options_.light, options_.light_height);
     build();
-    first_frame_ = next();
-    format_ = format_of(*first_frame_);
+    format_ = format_of(*picture(0));
   }
 
   [[nodiscard]] PictureFormat format() const override { return format_; }
-  [[nodiscard]] Rational frame_rate() const override { return {scene_.rate, 1}; }
+  [[nodiscard]] Rational frame_rate() const override { return {options_.rate, 1}; }
   [[nodiscard]] std::optional<SoundFormat> sound_format() const override {
     if (!has_sound_) return {};
     return SoundFormat{kSoundRate, 1, AV_SAMPLE_FMT_S16};
@@ -300,74 +179,56 @@ class SyntheticSource : public Source {
   std::optional<TimedFrame> read() override {
     if (interrupted()) return {};
     // What sounds until the next picture goes before it.
-    const std::int64_t heard = index_ * kSoundRate / scene_.rate;
+    const std::int64_t heard = index_ * kSoundRate / options_.rate;
     if (has_sound_ && heard > next_sample_) {
       TimedFrame sound;
       sound.is_sound = true;
-      sound.frame = sound_of(next_sample_, heard, scene_.beep_every_s);
+      sound.frame = sound_of(next_sample_, heard, options_.beep_every_s);
       sound.time_ns = next_sample_ * 1'000'000'000 / kSoundRate;
       next_sample_ = heard;
       return sound;
     }
     TimedFrame timed;
-    timed.frame = first_frame_ ? std::move(first_frame_) : next();
-    timed.time_ns = time_of(index_);
     if (!address_.unpaced()) {
       // A camera does not wait for a machine that is too slow: what was due more than a second ago is lost.
       while (time_of(index_) + 1'000'000'000 < clock_.now_ns()) {
-        timed.frame = next();
-        timed.time_ns = time_of(++index_);
+        ++index_;
         ++timed.lost_before;
         if (interrupted()) return {};
       }
-      if (!wait_until(clock_, timed.time_ns, interruption())) return {};
     }
+    timed.time_ns = time_of(index_);
+    timed.frame = picture(index_);
+    if (!address_.unpaced() && !wait_until(clock_, timed.time_ns, interruption())) return {};
     show_display(*timed.frame);
     ++index_;
-    if (scene_.change_after_s > 0 &&
-        index_ == static_cast<std::int64_t>(scene_.change_after_s) * scene_.rate) {
-      scene_.width = std::max(16, scene_.width / 4 * 2);
-      scene_.height = std::max(16, scene_.height / 4 * 2);
+    if (options_.change_after_s > 0 &&
+        index_ == static_cast<std::int64_t>(options_.change_after_s) * options_.rate) {
+      options_.width = std::max(16, options_.width / 4 * 2);
+      options_.height = std::max(16, options_.height / 4 * 2);
       build();
     }
     return timed;
   }
 
  private:
-  [[nodiscard]] std::int64_t time_of(std::int64_t index) const { return index * 1'000'000'000 / scene_.rate; }
-
-  void build() {
-    graph_.reset(avfilter_graph_alloc());
-    if (!graph_) throw std::bad_alloc();
-    graph_->nb_threads = 1;
-    const std::string description = graph_of(address_.location, address_, scene_);
-    AVFilterInOut* inputs = nullptr;
-    AVFilterInOut* outputs = nullptr;
-    require(avfilter_graph_create_filter(&sink_, avfilter_get_by_name("buffersink"), "out", nullptr, nullptr,
-                                         graph_.get()),
-            "cannot make a synthetic picture");
-    const int parsed = avfilter_graph_parse2(graph_.get(), description.c_str(), &inputs, &outputs);
-    if (parsed >= 0 && outputs != nullptr) {
-      const int linked =
-          avfilter_link(outputs->filter_ctx, static_cast<unsigned>(outputs->pad_idx), sink_, 0);
-      avfilter_inout_free(&inputs);
-      avfilter_inout_free(&outputs);
-      require(linked, "cannot make a synthetic picture");
-    } else {
-      avfilter_inout_free(&inputs);
-      avfilter_inout_free(&outputs);
-      require(parsed, "cannot make source '" + address_.stated +
-                          "' (is a font installed, Debian's fonts-dejavu-core?)");
-    }
-    require(avfilter_graph_config(graph_.get(), nullptr), "cannot make source '" + address_.stated + "'");
+  [[nodiscard]] std::int64_t time_of(std::int64_t index) const {
+    return index * 1'000'000'000 / options_.rate;
   }
 
-  media::Frame next() {
-    media::Frame frame = media::make_frame();
-    require(av_buffersink_get_frame(sink_, frame.get()),
-            "cannot go on with source '" + address_.stated + "'");
-    frame->sample_aspect_ratio = {1, 1};
-    return frame;
+  void build() {
+    const SceneForm form{options_.width, options_.height, options_.rate,
+                         av_get_pix_fmt(options_.pixel_format.c_str())};
+    scene_ = make_scene(address_.location, form);
+    if (!scene_)
+      throw UsageError("there is no source '" + address_.stated +
+                       "'; pictures come from synthetic:endoscope, synthetic:room and synthetic:pattern");
+    if (options_.flash_every_s > 0) flash_ = white_picture(form);
+  }
+
+  media::Frame picture(std::int64_t number) {
+    const std::int64_t flash_every = std::int64_t{options_.flash_every_s} * options_.rate;
+    return flash_every > 0 && number % flash_every == 0 ? media::reference(*flash_) : scene_->picture(number);
   }
 
   /// The picture as it is taken: what the display shows then.
@@ -379,12 +240,11 @@ class SyntheticSource : public Source {
 
   SourceAddress address_;
   const CaseClock& clock_;
-  Scene scene_;
+  SceneOptions options_;
   bool has_sound_;
   std::optional<RoomDisplay> display_;
-  media::FilterGraph graph_;
-  AVFilterContext* sink_ = nullptr;
-  media::Frame first_frame_;
+  std::unique_ptr<SyntheticScene> scene_;
+  media::Frame flash_;  // null where there is none
   PictureFormat format_;
   std::int64_t index_ = 0;
   std::int64_t next_sample_ = 0;

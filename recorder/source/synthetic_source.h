@@ -1,4 +1,5 @@
-// The embedded synthetic operating room: pictures from libavfilter, for demonstration, tests and load.
+// The embedded synthetic operating room: pictures that are drawn here (synthetic_scene.h), for demonstration,
+// tests and load.
 #pragma once
 
 #include "recorder/source/source.h"

@@ -162,7 +162,7 @@ def install(theatre):
     for line in ("kiroku init --home", "kirokud --check", "systemctl start kirokud"):
         must(line in said, f"the package's message does not tell of '{line}': {said[-1500:]}")
     for file in ("bin/kiroku", "bin/kirokud", "bin/kiroku-verify", "libexec/kiroku/kiroku-decoder", "libexec/kiroku/kiroku-full",
-                 "libexec/kiroku/kiroku-sim", "share/kiroku/web/index.html", "share/doc/kiroku/README.md"):
+                 "libexec/kiroku/kiroku-media", "libexec/kiroku/kiroku-sim", "share/kiroku/web/index.html", "share/doc/kiroku/README.md"):
         theatre.need(f"test -s /usr/{file}")
     theatre.need("systemctl is-enabled kirokud kiroku-retention.timer kiroku-evidence.timer kiroku-witness.timer")
     must(theatre.guest.run("systemctl is-failed kirokud")[0] != 0, "without a home the service counts as failed")

@@ -2,7 +2,7 @@
 """One case, told by every reader: what a lawyer could read as two answers to one question fails.
 
 Usage: readers_agree.py PROGRAMS [--page STAGE] [--all] [--only NAME]
-  PROGRAMS  the folder of kiroku, kiroku-full and kiroku-verify, such as build/release/apps
+  PROGRAMS  the folder of kiroku and the programs it becomes, and of kiroku-verify, such as build/release/apps
   --page    where the viewer's page was built, with its npm packages, such as build/release/viewer/page/page
   --all     every folder of tests/foreign/forgeries.py; otherwise the first of each finding code and some others
   --only    that folder alone, and prints what each reader says of it
