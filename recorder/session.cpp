@@ -699,4 +699,6 @@ void Session::profile_unchanged(const std::string& why) {
 
 void Session::subject_missing(const std::string& why) { state_->begun_events().subject_missing(why); }
 
+void Session::patient_differs(const std::string& how) { state_->begun_events().patient_differs(how); }
+
 }  // namespace kiroku::recorder

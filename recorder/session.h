@@ -211,6 +211,8 @@ class Session {
   /// SessionOptions::subject, and a sentence on why nothing is known (nothing of a patient in it).
   void late_subject(const Bytes& json, std::vector<PatientNumber> patient_numbers = {});
   void subject_missing(const std::string& why);
+  /// Something names another patient than the case is about; a sentence without anything of a patient.
+  void patient_differs(const std::string& how);
   /// From the next picture on, with which a segment begins, streams are archived in another form; no picture
   /// is lost or stands there twice. Where that form cannot hold a stream's pictures it goes on as it was,
   /// which is told (SessionStatus::last_problem) and an event. From any thread. Throws kiroku::UsageError for

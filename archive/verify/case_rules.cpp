@@ -7,6 +7,7 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/format/excerpt_document.h"
+#include "archive/format/pointing_stream.h"
 #include "archive/format/segment_media.h"
 #include "base/error.h"
 #include "base/printable.h"
@@ -84,66 +85,68 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
   }
   const CaseEntry& entry = *parse.entry;
   check_common(entry, number, line);
-  std::visit(
-      Overloaded{
-          [&](const OpenEntry& open) { take_open(open, entry, number); },
-          [&](const SegmentEntry& segment) { take_segment(segment, number); },
-          [&](const GapEntry& gap) {
-            if (StreamRules* its = stream(gap.stream, number)) {
-              its->take(gap, number);
-            }
-          },
-          [&](const ErasedEntry& erased) {
-            if (!close_) {
-              findings_->add("erased-before-close", in_ledger(number),
-                             at_entry(number) + " says that segments of " + erased.stream +
-                                 " were erased, although the case was not closed yet");
-              return;
-            }
-            StreamRules* its = stream(erased.stream, number);
-            if (checkpoints_->newest() <= number && scope_.whole_case) {
-              unsigned_aftermath_.insert(number);  // excuses no file that is not there
-            } else if (its != nullptr) {
-              its->take(erased, number);
-            }
-          },
-          [&](const ClockEntry& clock) { take_clock(clock, entry.at.mono_ns, number); },
-          [&](const TokenEntry& token) {
-            if (token.file.size() <= kMaximumPathBytes) {
-              named_.insert(token.file);
-            }
-            if (token.authority.size() <= kMaximumPathBytes) {
-              authorities_.insert(token.authority);
-            }
-            if (oldest_ns_) {
-              oldest_before_token_.emplace(number, *oldest_ns_);
-            }
-            last_token_ = number;
-            tokens_.take(token, number, entry.at.mono_ns);
-          },
-          [&](const TokenMissedEntry& missed) {
-            if (missed.authority.size() <= kMaximumPathBytes) {
-              authorities_.insert(missed.authority);
-            }
-            if (close_ && checkpoints_->newest() <= number) {
-              unsigned_aftermath_.insert(number);
-            }
-            tokens_.take_missed(missed, number);
-          },
-          [&](const RecoveredEntry& recovered) {
-            recovered_ = true;
-            tokens_.take_recovered();
-            for (auto& [name, its] : streams_) {
-              its.take_recovered();
-            }
-            findings_->add(
-                "recovered", in_ledger(number),
-                "recording was cut off (" + recovered.after + ") and found again" +
-                    (recovered.truncated.empty() ? "" : ": " + in_quotation_marks(recovered.truncated)) +
-                    signed_late_text(number));
-          },
-          [&](const CloseEntry& close) { take_close(close, entry, number); }, [](const MarkEntry&) {}},
-      entry.body);
+  std::visit(Overloaded{[&](const OpenEntry& open) { take_open(open, entry, number); },
+                        [&](const SegmentEntry& segment) { take_segment(segment, number); },
+                        [&](const GapEntry& gap) {
+                          if (StreamRules* its = stream(gap.stream, number)) {
+                            its->take(gap, number);
+                          }
+                        },
+                        [&](const ErasedEntry& erased) {
+                          if (!close_) {
+                            findings_->add("erased-before-close", in_ledger(number),
+                                           at_entry(number) + " says that segments of " + erased.stream +
+                                               " were erased, although the case was not closed yet");
+                            return;
+                          }
+                          StreamRules* its = stream(erased.stream, number);
+                          if (checkpoints_->newest() <= number && scope_.whole_case) {
+                            unsigned_aftermath_.insert(number);  // excuses no file that is not there
+                          } else if (its != nullptr) {
+                            its->take(erased, number);
+                          }
+                        },
+                        [&](const ClockEntry& clock) { take_clock(clock, entry.at.mono_ns, number); },
+                        [&](const TokenEntry& token) {
+                          if (token.file.size() <= kMaximumPathBytes) {
+                            named_.insert(token.file);
+                          }
+                          if (token.authority.size() <= kMaximumPathBytes) {
+                            authorities_.insert(token.authority);
+                          }
+                          if (oldest_ns_) {
+                            oldest_before_token_.emplace(number, *oldest_ns_);
+                          }
+                          last_token_ = number;
+                          tokens_.take(token, number, entry.at.mono_ns);
+                        },
+                        [&](const TokenMissedEntry& missed) {
+                          if (missed.authority.size() <= kMaximumPathBytes) {
+                            authorities_.insert(missed.authority);
+                          }
+                          if (close_ && checkpoints_->newest() <= number) {
+                            unsigned_aftermath_.insert(number);
+                          }
+                          tokens_.take_missed(missed, number);
+                        },
+                        [&](const RecoveredEntry& recovered) {
+                          recovered_ = true;
+                          tokens_.take_recovered();
+                          for (auto& [name, its] : streams_) {
+                            its.take_recovered();
+                          }
+                          findings_->add("recovered", in_ledger(number),
+                                         "recording was cut off (" + recovered.after + ") and found again" +
+                                             (recovered.truncated.empty()
+                                                  ? ""
+                                                  : ": " + in_quotation_marks(recovered.truncated)) +
+                                             signed_late_text(number));
+                        },
+                        [&](const CloseEntry& close) { take_close(close, entry, number); },
+                        [&](const MarkEntry& mark) {
+                          if (marks_ != nullptr) marks_->take_mark(mark, entry, number);
+                        }},
+             entry.body);
 }
 
 // Notes cannot be made up without the device's key: those that are there bound what was signed by then. Of an
@@ -275,6 +278,7 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
     return;
   }
   named_.insert(segment.file.file);
+  if (marks_ != nullptr && its->is_of_marks() && !is_pointing(*its->info())) marks_->take_segment(segment);
   // What recovery finds it takes to end by its own time, too.
   if (its->info()->timing == "arrival" && segment.span.end_ns - last_mono_ns_ > kFutureToleranceNs) {
     findings_->add("segment-in-future", {std::string(kLedgerFile), number},

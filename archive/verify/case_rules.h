@@ -14,6 +14,7 @@
 #include "archive/format/case_folder.h"
 #include "archive/format/line_reader.h"
 #include "archive/verify/checkpoint_rules.h"
+#include "archive/verify/event_marks.h"
 #include "archive/verify/file_checker.h"
 #include "archive/verify/finding_list.h"
 #include "archive/verify/report.h"
@@ -36,6 +37,8 @@ class CaseRules {
   CaseRules(const CaseFolder& folder, const VerifyOptions& options, FindingList& findings,
             CheckpointRules& checkpoints, FileChecker& files, Scope scope);
 
+  /// Before the first take(): is told of marks and of events segments; must outlive the object.
+  void compare_events(EventMarks& marks) { marks_ = &marks; }
   /// Entry `number`. Lines that are no entries are findings.
   void take(const LedgerLine& line, std::uint64_t number);
   /// Whether so many lines are no entries that the rest is not worth reading: then nothing may be judged that
@@ -128,6 +131,7 @@ class CaseRules {
   FindingList* findings_;
   CheckpointRules* checkpoints_;
   FileChecker* files_;
+  EventMarks* marks_ = nullptr;
   Scope scope_;
   TokenRules tokens_;
   std::map<std::string, StreamRules> streams_;

@@ -6,6 +6,7 @@
 
 #include "archive/format/age_layout.h"
 #include "archive/format/case_layout.h"
+#include "archive/format/pointing_stream.h"
 #include "archive/format/sealed_file.h"
 #include "archive/verify/found_files.h"
 #include "base/error.h"
@@ -295,7 +296,7 @@ bool FileChecker::may_be_read(const FileJob& job, const ReadableFile& file) {
 }
 
 FileChecker::Opened FileChecker::try_opening(const FileJob& job, const crypto::HashedSource& sealed,
-                                             bool intact) const {
+                                             bool intact, EventLines* lines) const {
   Opened opened;
   try {
     // A damaged file is read as far as it goes, to say where the damage begins.
@@ -303,7 +304,10 @@ FileChecker::Opened FileChecker::try_opening(const FileJob& job, const crypto::H
     const crypto::AgeFile file = crypto::AgeFile::open(
         sealed, *options_->identities, whole ? crypto::Truncation::kRefuse : crypto::Truncation::kTolerate);
     opened.header = file.header_size();
-    file.read_all([&](ByteView piece) { opened.plaintext += piece.size(); });
+    file.read_all([&](ByteView piece) {
+      opened.plaintext += piece.size();
+      if (lines != nullptr) lines->add(piece);
+    });
     opened.unreadable = file.unreadable_size();
     const bool whole_chunk_is_bad = opened.unreadable >= kAgeChunkBytes + kAgeTagBytes;
     if (intact && whole_chunk_is_bad && !was_found_cut_off(*job.segment)) {
@@ -340,7 +344,9 @@ std::optional<FileChecker::LookedInside> FileChecker::look_inside(const FileJob&
                                                                   const crypto::HashedSource& sealed,
                                                                   const Hashed& hashed) {
   const Place place{job.expected.file, job.entry};
-  const Opened opened = try_opening(job, sealed, hashed.fits);
+  const bool is_of_events = marks_ != nullptr && job.stream->kind == "events" && !is_pointing(*job.stream);
+  EventLines lines;
+  const Opened opened = try_opening(job, sealed, hashed.fits, is_of_events ? &lines : nullptr);
   if (!hashed.fits) {
     report_damage(job, opened);
     return std::nullopt;
@@ -378,6 +384,7 @@ std::optional<FileChecker::LookedInside> FileChecker::look_inside(const FileJob&
     }
     return std::nullopt;
   }
+  if (is_of_events && job.segment->complete) marks_->take_lines(std::move(lines), job.expected.file);
   if (!options_->inspect) {
     return LookedInside::kDecrypted;
   }

@@ -20,6 +20,7 @@
 #include "archive/format/ledger_entry.h"
 #include "archive/format/limits.h"
 #include "archive/verify/case_data.h"
+#include "archive/verify/event_marks.h"
 #include "archive/verify/finding_list.h"
 #include "archive/verify/report.h"
 #include "archive/verify/verify_options.h"
@@ -61,6 +62,9 @@ class FileChecker {
 
   /// Before the first check(): files are hashed under these too, in the pass in which they are checked.
   void also_hash(std::vector<crypto::HashAlgorithm> algorithms) { further_ = std::move(algorithms); }
+  /// Before the first check(): is given the lines of events segments that are opened; must outlive the
+  /// object.
+  void compare_events(EventMarks& marks) { marks_ = &marks; }
   /// Hands over one file; waits while many are waiting already, so that memory stays bounded.
   void check(FileJob job);
   /// Waits for all work. Rethrows what a worker could not turn into a finding. Returns the files that are not
@@ -100,7 +104,8 @@ class FileChecker {
   std::optional<Hashed> hash_file(const FileJob& job, const ReadableFile& file);
   /// Whether reading it takes no longer than writing it took; else a finding says why not.
   bool may_be_read(const FileJob& job, const ReadableFile& file);
-  Opened try_opening(const FileJob& job, const crypto::HashedSource& sealed, bool intact) const;
+  Opened try_opening(const FileJob& job, const crypto::HashedSource& sealed, bool intact,
+                     EventLines* lines) const;
   void report_lost_part(const FileJob& job, const Opened& opened);
   void report_damage(const FileJob& job, const Opened& opened);
   void report_not_decrypted(const FileJob& job);
@@ -121,6 +126,7 @@ class FileChecker {
   const CaseFolder* folder_;
   const VerifyOptions* options_;
   FindingList* findings_;
+  EventMarks* marks_ = nullptr;
   std::uint64_t total_bytes_;
   std::vector<crypto::HashAlgorithm> further_;  // unchanged once a worker has a file
 

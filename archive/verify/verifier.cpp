@@ -16,6 +16,7 @@
 #include "archive/verify/case_rules.h"
 #include "archive/verify/case_witnesses.h"
 #include "archive/verify/checkpoint_rules.h"
+#include "archive/verify/event_marks.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "archive/verify/file_checker.h"
 #include "archive/verify/finding_list.h"
@@ -63,7 +64,11 @@ class CaseVerification {
         rules_(folder, options, findings_, checkpoints_, files_, {}),
         options_of_case_(with_notes_of_logs(options, false)),
         outside_(options.log ? options_of_case_ : options, findings_),
-        log_proof_(options, by_log_) {}
+        log_proof_(options, by_log_) {
+    if (options.identities == nullptr) return;
+    files_.compare_events(marks_);
+    rules_.compare_events(marks_);
+  }
 
   VerificationReport run() {
     const FileOpening opening = folder_.open_file(kLedgerFile);
@@ -135,11 +140,19 @@ class CaseVerification {
     vouched_by_log_ = comparison.vouched_by();
     in_log_ = comparison.told();
     rules_.judge_missing(files_.finish());
+    marks_.finish(is_recorded_whole(), findings_);
     judge_names();
     rules_.check_device_file();
     if (rules_.opening()) {
       check_carrying_on(folder_, *rules_.opening(), rules_.close_reason(), options_.devices, findings_);
     }
+  }
+
+  /// Whether the recorder came to its end, so that every mark was entered, and every event written.
+  [[nodiscard]] bool is_recorded_whole() const {
+    const std::string& reason = rules_.close_reason();
+    return rules_.close_entry() && !rules_.recovered() && reason != "disk-full" &&
+           !reason.starts_with("error: ");
   }
 
   /// Zeros where a power cut kept lines from the disk, which the next start cuts off. Nobody signed anything
@@ -364,6 +377,7 @@ class CaseVerification {
   std::set<std::string> not_entered_;
   LeftBySystems left_;
   CheckpointRules checkpoints_;
+  EventMarks marks_;
   FileChecker files_;
   CaseRules rules_;
   VerifyOptions options_of_case_;  // without the notes of logs

@@ -25,7 +25,8 @@ std::string_view subject_state_name(SubjectState state) {
   return "";
 }
 
-CaseSubject::Found CaseSubject::at_beginning(UtcTime now, std::optional<Bytes> given, GoesOn goes_on) {
+CaseSubject::Found CaseSubject::at_beginning(UtcTime now, std::optional<Bytes> given, GoesOn goes_on,
+                                             std::optional<ProcedureData> about) {
   begun_at_ = now;
   Found found{std::move(given)};
   if (found.json) found.state = SubjectState::kGiven;
@@ -38,12 +39,16 @@ CaseSubject::Found CaseSubject::at_beginning(UtcTime now, std::optional<Bytes> g
     is_about(data_of_subject(*found.json));
   } else if (goes_on != GoesOn::kWithSubject) {
     is_about({});
+  } else if (about) {
+    is_about(std::move(about));
   }
+  is_found_ = false;
   if (found.json || goes_on != GoesOn::kNo || !source_) return found;
   if (const auto known = find()) {
     found.json = subject_json(*known);
     numbers_ = known->numbers;
     is_about(known);
+    is_found_ = true;
     found.state = SubjectState::kFound;
   }
   looked_for_ = !found.json;
@@ -77,7 +82,24 @@ std::optional<Bytes> CaseSubject::late(Clock::Time now) {
   if (!looked_for_.exchange(false)) return {};
   numbers_ = found->numbers;
   is_about(found);
+  is_found_ = true;
   return subject_json(*found);
+}
+
+std::optional<ProcedureData> CaseSubject::about() const {
+  const std::lock_guard guard(about_mutex_);
+  return about_;
+}
+
+std::optional<std::string> CaseSubject::contradicted(Clock::Time now) {
+  if (!is_found_ || now < next_comparison_) return {};
+  next_comparison_ = now + kLookInterval;
+  const std::optional<ProcedureData> named = find(), known = about();
+  if (!named || !known || may_be_same_patient(*known, *named)) return {};
+  // A person may have given one meanwhile.
+  if (!is_found_.exchange(false)) return {};
+  return "messages or the worklist name another patient for this room now than the one whom they named for "
+         "this case: see whether the case has the right patient, or the next one has come";
 }
 
 void CaseSubject::ended(UtcTime now) {

@@ -42,7 +42,9 @@ class CaseSubject {
   /// Of a case that begins at `now`: what a person gave, else what is known of the procedure.
   /// Where the case goes on with an operation nothing is looked up: what is planned, or who came, around now
   /// may be the next patient.
-  Found at_beginning(UtcTime now, std::optional<Bytes> given, GoesOn goes_on);
+  /// `about` is whom the operation was about, where another process began it and that is known.
+  Found at_beginning(UtcTime now, std::optional<Bytes> given, GoesOn goes_on,
+                     std::optional<ProcedureData> about = {});
   /// Why the case that begins has no subject though there are ways to one, or there was one; where it is
   /// looked for, they are asked to hurry.
   [[nodiscard]] std::optional<std::string> why_missing() const;
@@ -53,7 +55,18 @@ class CaseSubject {
   /// A person gave one: nothing is looked for any more.
   void given_while_running(const Bytes& subject) {
     looked_for_ = false;
+    is_found_ = false;
     is_about(data_of_subject(subject));
+  }
+  /// Whom the case is about, as far as this process knows.
+  [[nodiscard]] std::optional<ProcedureData> about() const;
+  /// To be called again and again while the case runs: a sentence without anything of a patient, once, where
+  /// messages or the worklist name another patient now than the one whom they named for this case, who was
+  /// found and not given. Looks each second.
+  std::optional<std::string> contradicted(Clock::Time now);
+  /// An earlier process recorded a case about that patient, which ended with it.
+  void ended_before(const ProcedureData& about, UtcTime now) {
+    if (source_) source_->ended(about, now);
   }
   /// A person or a rule ended the case: what it was about is not taken for a later one by itself.
   void ended(UtcTime now);
@@ -71,9 +84,11 @@ class CaseSubject {
   UtcTime begun_at_{};
   Clock::Time next_look_{};
   std::atomic<bool> looked_for_ = false;  // nobody gave one, none was known
+  std::atomic<bool> is_found_ = false;    // nobody gave the one that there is, and no contradiction was told
+  Clock::Time next_comparison_{};
   GoesOn goes_on_ = GoesOn::kNo;
   bool is_given_ = false;
-  std::mutex about_mutex_;
+  mutable std::mutex about_mutex_;
   std::optional<ProcedureData> about_;  // guarded by it: as far as this process knows
 };
 

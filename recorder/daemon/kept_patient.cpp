@@ -13,7 +13,8 @@ Bytes kept_bytes(const KeptPatient& kept) {
   const json all{{"case", kept.case_id},
                  {"subject", kept.sealed_subject},
                  {"numbers", std::move(numbers)},
-                 {"plan_patients", kept.plan_patients}};
+                 {"plan_patients", kept.plan_patients},
+                 {"about", kept.about}};
   return to_bytes(all.dump(-1, ' ', false, json::error_handler_t::replace));
 }
 
@@ -26,6 +27,7 @@ KeptPatient read_kept_patient(ByteView bytes) {
     for (const json& each : all.at("numbers"))
       kept.numbers.push_back({each.at(0), each.at(1), each.at(2), each.at(3), each.at(4)});
     kept.plan_patients = all.at("plan_patients").get<std::vector<std::string>>();
+    kept.about = all.value("about", "");
     return kept;
   } catch (const json::exception&) {
     return {};

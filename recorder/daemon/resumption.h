@@ -18,6 +18,7 @@
 #include "base/bytes.h"
 #include "recorder/daemon/running_note.h"
 #include "recorder/encoder/video_profile.h"
+#include "recorder/procedure/procedure_data.h"
 #include "recorder/vitals/patient_number.h"
 
 namespace kiroku::recorder {
@@ -50,6 +51,7 @@ struct Resumption {
   /// By the room, of what the earlier process kept in memory: as CaseIdentity has them.
   std::vector<PatientNumber> patient_numbers = {};
   std::vector<std::string> plan_patients = {};
+  std::optional<ProcedureData> about = {};
 };
 
 /// How long ago a case was cut off; nothing where no clock can tell, and `why` says which way it was known or

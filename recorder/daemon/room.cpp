@@ -29,6 +29,7 @@ Room::State::State(RoomPlan asked, RoomListener told, const Clock& its_time)
     : plan(std::move(asked)), listener(std::move(told)), time(its_time) {
   status.name = plan.name;
   resume = plan.resume;
+  note_earlier_patient();
   if (resume) {
     take_kept_patient(*resume);
   } else if (!plan.memory.earlier.empty()) {

@@ -86,6 +86,7 @@ std::unique_ptr<Room::State::Request> Room::State::wanted_request() {
                      resume->plan_patients};
   taken->identity.subject_of = resume->earlier.case_id;
   taken->is_subject_withheld = resume->is_subject_withheld;
+  taken->about = resume->about;
   taken->before = resume->recorded;
   return taken;
 }

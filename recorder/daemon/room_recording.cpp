@@ -200,6 +200,7 @@ void Room::State::follow(Session& running, const SessionStatus& now, const std::
     running.stop(rule);
   }
   look_for_late_subject(running);
+  look_for_contradiction(running);
   const std::lock_guard guard(mutex);
   rate.add(time.now(), total_bytes(now));
   status.bytes_per_second = rate.bytes_per_second();

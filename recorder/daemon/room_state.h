@@ -41,6 +41,7 @@ struct Room::State {
     std::chrono::nanoseconds before{0};  // recorded by the operation's earlier cases
     bool goes_on = false;                // with an operation that another case began
     bool is_subject_withheld = false;    // that operation's, which then is not in `identity`
+    std::optional<ProcedureData> about;  // whom an earlier process's case was about, if it goes on with that
     std::promise<std::string> begun;
     /// Nobody asked for it: a rule begins it, or the recorder goes on with an operation.
     [[nodiscard]] bool is_by_itself() const {
@@ -110,6 +111,8 @@ struct Room::State {
   // Whom a case is about, and in which form its pictures are archived (room_subject.cpp).
   /// What the recorder's last process knew of the case that is to be carried on; of another one nothing.
   void take_kept_patient(Resumption& resumed) const;
+  /// The last process's case ended with it, for whoever is looked for now.
+  void note_earlier_patient();
   [[nodiscard]] static std::string hash_of(const Bytes& sealed);
   /// For the recorder's next process: whom the case that runs is about by now.
   void keep_patient();
@@ -131,6 +134,8 @@ struct Room::State {
   /// A person says whom the case is about: nothing that is found by itself comes after it.
   void give_late_subject(Session& running, const Bytes& subject);
   void look_for_late_subject(Session& running);
+  /// In the case and to people; it stays about whom it was.
+  void look_for_contradiction(Session& running);
   /// With late_mutex held: whom the case is about from now on, for a case that goes on with its operation in
   /// this process or in the recorder's next one.
   void keep_late_subject(const Session& running, const Bytes& subject,

@@ -21,8 +21,15 @@ void Room::State::take_kept_patient(Resumption& resumed) const {
   if (kept.case_id.empty() || kept.case_id != resumed.earlier.case_id) return;
   resumed.plan_patients = std::move(kept.plan_patients);
   // Whom another subject is about they do not say.
-  if (resumed.sealed_subject && kept.sealed_subject == hash_of(*resumed.sealed_subject))
-    resumed.patient_numbers = std::move(kept.numbers);
+  if (!resumed.sealed_subject || kept.sealed_subject != hash_of(*resumed.sealed_subject)) return;
+  resumed.patient_numbers = std::move(kept.numbers);
+  if (!kept.about.empty()) resumed.about = data_of_subject(to_bytes(kept.about));
+}
+
+void Room::State::note_earlier_patient() {
+  const KeptPatient kept = read_kept_patient(plan.memory.earlier);
+  if (kept.about.empty()) return;
+  case_subject.ended_before(data_of_subject(to_bytes(kept.about)), time.utc());
 }
 
 std::string Room::State::hash_of(const Bytes& sealed) { return crypto::to_hex(crypto::sha256(sealed)); }
@@ -31,10 +38,13 @@ void Room::State::keep_patient() {
   if (!plan.memory.keep) return;
   const std::lock_guard order(memory_mutex);
   KeptPatient kept;
+  const std::optional<ProcedureData> about = case_subject.about();
   {
     const std::lock_guard guard(mutex);
-    kept = {status.case_id, newest_subject ? hash_of(*newest_subject) : "", newest_numbers, plan_patients};
+    kept = {status.case_id, newest_subject ? hash_of(*newest_subject) : "", newest_numbers, plan_patients,
+            ""};
   }
+  if (about) kept.about = std::string(text_of(subject_json(*about)));
   plan.memory.keep(kept_bytes(kept));
 }
 
@@ -52,7 +62,8 @@ std::optional<Bytes> Room::State::seal_subject(Request& asked) {
               : asked.is_subject_withheld   ? GoesOn::kSubjectWithheld
                                             : GoesOn::kWithoutSubject;
   }
-  CaseSubject::Found found = case_subject.at_beginning(time.utc(), std::move(asked.subject), goes_on);
+  CaseSubject::Found found =
+      case_subject.at_beginning(time.utc(), std::move(asked.subject), goes_on, std::move(asked.about));
   if (found.json) {
     asked.identity.sealed_subject = crypto::seal_bytes(*found.json, plan.session.event_recipients);
     asked.identity.patient_numbers = known_numbers(*found.json);
@@ -148,6 +159,17 @@ void Room::State::look_for_late_subject(Session& running) {
   }
   tell_of_late_rule(running, *found);
   if (listener.note) listener.note("procedure data came while the case ran");
+}
+
+void Room::State::look_for_contradiction(Session& running) {
+  std::optional<std::string> how;
+  {
+    const std::lock_guard order(late_mutex);
+    how = case_subject.contradicted(time.now());
+  }
+  if (!how) return;
+  running.patient_differs(*how);
+  tell_problem(*how);
 }
 
 void Room::State::keep_late_subject(const Session& running, const Bytes& subject,

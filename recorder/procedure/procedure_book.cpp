@@ -120,9 +120,8 @@ void ProcedureBook::note_recorded(const ProcedureRule& rule, const ProcedureData
 std::vector<std::pair<ProcedureData, UtcTime>> ProcedureBook::recorded(const ProcedureRule& rule,
                                                                        const ProcedureMoment& at) const {
   std::vector<std::pair<ProcedureData, UtcTime>> of_room;
-  const std::string room = name_of_room(rule);
   for (const Recorded& each : recorded_) {
-    if (each.room == room) of_room.emplace_back(each.data, at.by_this_clock(each.at));
+    if (is_named(rule, each.room)) of_room.emplace_back(each.data, at.by_this_clock(each.at));
   }
   return of_room;
 }

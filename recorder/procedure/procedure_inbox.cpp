@@ -20,7 +20,6 @@ constexpr std::chrono::seconds kListenAgain{10};
 // Of what is kept of one message; whoever sends more than that does not fill the memory.
 constexpr std::size_t kLongestKept = 16U << 10;
 // A hospital's messages may come by the dozen, and each time the whole book is kept.
-constexpr std::chrono::seconds kKeepEvery{1};
 constexpr std::uint64_t kStateVersion = 2;
 constexpr std::uint64_t kOlderStateVersion = 1;  // without the messages that may come again
 
@@ -126,7 +125,6 @@ struct ProcedureInbox::State {
       if (!is_news || !since) return;
       writer.all(kStateVersion, *since, taken, refused, book.exported(), repeated.exported());
       is_news = false;
-      kept_at = time.now();
     }
     memory.keep(writer.take());
   }
@@ -138,7 +136,6 @@ struct ProcedureInbox::State {
     std::string answer = "AA", why;
     std::optional<std::vector<ProcedureMessage>> messages;
     std::optional<std::uint64_t> strangers, late, lost, unclear;
-    bool is_kept_now = false;
     if (!parsed.message) {
       answer = "AE";
       why = parsed.problem;
@@ -177,10 +174,10 @@ struct ProcedureInbox::State {
         if (book.ended_late() != late_before) late = ended_late.add("");
         if (book.not_kept() != lost_before) lost = not_kept.add("");
         is_news = true;
-        is_kept_now = !kept_at || time.now() - *kept_at >= kKeepEvery;
       }
     }
-    if (is_kept_now) keep();
+    // Before it is acknowledged: the sender does not say it again, should this process end now.
+    keep();
     if (late) {
       complain(
           "a message came late, after newer ones of the same patient or appointment, and says that the "
@@ -239,7 +236,6 @@ struct ProcedureInbox::State {
   Tally strangers_left, ended_late, not_kept, times_unclear;
   std::optional<ProcedureMoment> since;  // from which on messages are known
   bool is_news = false;                  // something is not kept yet
-  std::optional<Clock::Time> kept_at;
   bool is_ended = false;
   std::string problem;
   Clock::Time not_before{};
@@ -324,9 +320,12 @@ Standing ProcedureInbox::standing(const ProcedureRule& rule, const ProcedureData
 }
 
 void ProcedureInbox::note_recorded(const ProcedureRule& rule, const ProcedureData& data, UtcTime at) {
-  const std::lock_guard guard(state_->mutex);
-  state_->book.note_recorded(rule, data, state_->moment(at));
-  state_->is_news = true;
+  {
+    const std::lock_guard guard(state_->mutex);
+    state_->book.note_recorded(rule, data, state_->moment(at));
+    state_->is_news = true;
+  }
+  state_->keep();
 }
 
 std::vector<std::pair<ProcedureData, UtcTime>> ProcedureInbox::recorded(const ProcedureRule& rule) const {

@@ -26,6 +26,16 @@ std::string name_of_room(const ProcedureRule& rule) {
   return name;
 }
 
+bool is_named(const ProcedureRule& rule, std::string_view name) {
+  if (rule.locations.empty() || name.empty()) return rule.locations.empty() && name.empty();
+  while (!name.empty()) {
+    const std::size_t end = name.find('\n');
+    if (is_of_room(rule, std::string(name.substr(0, end)))) return true;
+    name.remove_prefix(end == std::string_view::npos ? name.size() : end + 1);
+  }
+  return false;
+}
+
 std::vector<std::string_view> whole_places(const std::vector<std::string>& places) {
   std::vector<std::string_view> whole;
   for (const std::string& place : places) {

@@ -16,6 +16,8 @@ bool is_of_room(const ProcedureRule& rule, const std::string& place);
 bool is_meant_by(const ProcedureRule& rule, const std::string& place);
 /// By which a room is known again by the process that starts next.
 std::string name_of_room(const ProcedureRule& rule);
+/// Whether that name is of the rule's room: it may be known by more, or fewer, spellings since.
+bool is_named(const ProcedureRule& rule, std::string_view name);
 /// What is not a part of another one of them: "SURGERY^OR1", not "OR1".
 std::vector<std::string_view> whole_places(const std::vector<std::string>& places);
 /// Whether a place of the one is a place of the other, as whole as it is written in one of them.

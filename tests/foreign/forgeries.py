@@ -1809,6 +1809,47 @@ def lines_that_are_no_vital_signs(world):
     return world.write(world.sound(), identity=str(world.reader))
 
 
+def with_events(world, *events, mark_at=11 * SECOND):
+    """A sound case whose one mark was entered then, with other events sealed than its own; each is a time and a text."""
+    case = world.sound()
+    mark = case.find("mark")
+    lines = []
+    for at, text in events:
+        line, commitment = w.event_line(bytes(range(32)), {"time_ns": at, "utc": stamp.text_of(world.utc_ns + at), "kind": "mark", "text": text})
+        lines.append(line)
+        mark.fields["commitment"] = commitment if not lines[1:] else mark.fields["commitment"]
+    sealed = next(entry for entry in case.steps if isinstance(entry, Entry) and entry.type == "segment" and entry.fields["stream"] == "events")
+    sealed.fields |= case.file(sealed.fields["file"], age.seal(b"".join(lines), [world.reader.public]))
+    sealed.fields["samples"] = len(lines)
+    case.refresh_totals()
+    return world.write(case, identity=str(world.reader))
+
+
+@reaches("event-missing")
+def a_mark_of_which_nothing_is_sealed(world):
+    return with_events(world)
+
+
+@reaches("event-not-committed")
+def an_event_of_no_mark(world):
+    return with_events(world, (11 * SECOND, "clip placed"), (11 * SECOND, "artery cut"))
+
+
+@reaches("event-not-committed")
+def an_event_that_stands_there_twice(world):
+    return with_events(world, (11 * SECOND, "clip placed"), (11 * SECOND, "clip placed"))
+
+
+@reaches("event-time-differs")
+def a_mark_that_states_an_earlier_moment(world):
+    return with_events(world, (2 * SECOND, "clip placed"))
+
+
+@reaches("event-time-differs")
+def a_mark_that_states_a_later_moment(world):
+    return with_events(world, (13 * SECOND, "clip placed"))
+
+
 @reaches("segment-part-lost")
 def part_not_flushed(world):
     case = cut_off(world)

@@ -9,8 +9,10 @@
 #include <nlohmann/json.hpp>
 
 #include "archive/format/pointing_stream.h"
+#include "archive/reading/committed_events.h"
 #include "base/ascii.h"
 #include "base/error.h"
+#include "base/foreign_json.h"
 #include "media/recorded_lines.h"
 #include "media/vital_codes.h"
 #include "media/vital_line.h"
@@ -18,10 +20,8 @@
 namespace kiroku::compare {
 namespace {
 
-/// The event inside of a line of an events stream, if it is a mark.
-void take_event(std::string_view line, std::vector<Mark>& marks) {
-  const nlohmann::json outer = nlohmann::json::parse(line);
-  const nlohmann::json event = nlohmann::json::parse(outer.at("event").get<std::string>());
+/// Of an event that the ledger commits to, if it is a mark.
+void take_event(const nlohmann::json& event, std::vector<Mark>& marks) {
   if (event.at("kind") != "mark") return;
   marks.push_back({event.at("time_ns").get<std::int64_t>(), event.at("text").get<std::string>()});
 }
@@ -73,6 +73,7 @@ std::optional<double> mmhg_of(double value, std::string_view unit) {
 
 CaseRecord read_case_record(const archive::CaseReader& recording, const crypto::AgeIdentities& identities) {
   CaseRecord record;
+  archive::CommittedEvents committed(recording);
   for (const archive::StreamInfo& stream : recording.opening().streams) {
     const auto each_line = [&](const auto& take) {
       media::for_each_recorded_line(recording, identities, stream.name, INT64_MIN, INT64_MAX, take);
@@ -80,11 +81,13 @@ CaseRecord read_case_record(const archive::CaseReader& recording, const crypto::
     if (archive::is_pointing(stream)) continue;
     if (stream.kind == "events") {
       each_line([&](std::string_view line) {
+        const std::optional<std::string> event = committed.take(line);
+        if (!event) return;  // it is no event of the case
         try {
-          take_event(line, record.marks);
+          take_event(parse_foreign_json(*event), record.marks);
         } catch (const nlohmann::json::exception&) {
-          throw Error("a line of the stream '" + stream.name +
-                      "' is no event; see what `kiroku verify --identity` says of the case");
+          throw Error("an event of the stream '" + stream.name +
+                      "' has another form than this program knows: use a newer one");
         }
       });
     } else if (stream.kind == "vitals") {
