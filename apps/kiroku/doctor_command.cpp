@@ -594,6 +594,58 @@ std::optional<nlohmann::json> running_recorder(const Home& home, const Configura
   }
 }
 
+void examine_sources(const RoomConfiguration& room, Examination& out) {
+  for (const StreamConfiguration& stream : room.streams) {
+    out.examine("source " + room.name + "/" + stream.name,
+                "look at cable, power and address; a case begins without it and states the gap",
+                [&] { return check_source(room, stream); });
+    if (stream.microphone.empty()) continue;
+    out.examine("microphone " + room.name + "/" + stream.name,
+                "look at its plug, and at its name in kiroku.toml ('kiroku devices'); pictures are recorded "
+                "without it",
+                [&] { return check_microphone(room, stream); });
+  }
+}
+
+void examine_footswitches(const RoomConfiguration& room, Examination& out) {
+  for (const recorder::FootswitchOptions& footswitch : room.footswitches) {
+    out.examine("footswitch " + room.name + ", " + footswitch.device,
+                "look at its plug and at the device's name in kiroku.toml; cases can be started without it",
+                [&] { return check_footswitch(room, footswitch); });
+  }
+}
+
+/// What the recorder's status says of a room; empty where it does not have it.
+nlohmann::json room_of(const nlohmann::json& status, const std::string& name) {
+  for (const nlohmann::json& room : status.value("rooms", nlohmann::json::array())) {
+    if (room.value("room", "") == name) return room;
+  }
+  return {};
+}
+
+/// Of a room of the recorder that runs: what it says itself. An idle one holds no source, and can tell of
+/// none.
+void examine_running_room(const RoomConfiguration& room, const nlohmann::json& told, Examination& out) {
+  const std::string state = told.value("state", ""), problem = told.value("problem", "");
+  if (state != "idle") {
+    out.add({Health::kGood, "sources of " + room.name,
+             "the room is " + state + ", and kirokud holds them: 'kiroku status' tells how they are", ""});
+  }
+  if (!problem.empty()) {
+    out.add({Health::kWarning, "room " + room.name, printable(problem), "'kiroku status' tells more"});
+  }
+  for (const nlohmann::json& way : told.value("procedure", nlohmann::json::array())) {
+    if (way.value("well", true)) continue;
+    out.add({Health::kBad, way.value("name", "") + " of " + room.name, printable(way.value("state", "")),
+             "until it is well a person says whom a case is about: look at [room.procedure] of kiroku.toml"});
+  }
+  for (const nlohmann::json& footswitch : told.value("footswitches", nlohmann::json::array())) {
+    if (footswitch.value("well", true)) continue;
+    out.add({Health::kWarning, "footswitch " + room.name + ", " + footswitch.value("device", ""),
+             printable(footswitch.value("state", "")), "look at its plug; cases can be started without it"});
+  }
+}
+
 void examine_all(const Home& home, const Configuration& configuration, Examination& out) {
   const timestamp::TrustStore trust = home.trust();
   out.add({Health::kGood, "configuration",
@@ -636,28 +688,12 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
     out.examine("hours of disk", "look at the disk of the archive",
                 [&] { return check_hours(home, configuration, status); });
   }
-  if (status) {
-    out.add({Health::kGood, "sources", "kirokud holds them: 'kiroku status' tells how they are", ""});
-    return;
-  }
   for (const RoomConfiguration& room : configuration.rooms) {
-    for (const StreamConfiguration& stream : room.streams) {
-      out.examine("source " + room.name + "/" + stream.name,
-                  "look at cable, power and address; a case begins without it and states the gap",
-                  [&] { return check_source(room, stream); });
-      if (!stream.microphone.empty()) {
-        out.examine(
-            "microphone " + room.name + "/" + stream.name,
-            "look at its plug, and at its name in kiroku.toml ('kiroku devices'); pictures are recorded "
-            "without it",
-            [&] { return check_microphone(room, stream); });
-      }
-    }
-    for (const recorder::FootswitchOptions& footswitch : room.footswitches) {
-      out.examine("footswitch " + room.name + ", " + footswitch.device,
-                  "look at its plug and at the device's name in kiroku.toml; cases can be started without it",
-                  [&] { return check_footswitch(room, footswitch); });
-    }
+    const nlohmann::json told = status ? room_of(*status, room.name) : nlohmann::json();
+    if (!told.empty()) examine_running_room(room, told, out);
+    if (told.empty() || told.value("state", "") == "idle") examine_sources(room, out);
+    // A recorder that runs holds these, also between cases.
+    if (told.empty()) examine_footswitches(room, out);
   }
 }
 
