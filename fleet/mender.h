@@ -37,7 +37,7 @@ struct Mending {
   std::uint64_t more_left = 0;  // beyond those that are named
   /// Files that signed lines say to be erased, and of which the store has not, or not any more, the recorded
   /// bytes: they are not put again. What lay in their place is not in the folder any more.
-  std::set<std::string> erased;
+  std::set<std::string> erased = {};
   bool has_other_ledger = false;  // put in place of the one that was looked at
   [[nodiscard]] std::uint64_t left_count() const { return left.size() + more_left; }
 };

@@ -129,7 +129,9 @@ TEST(VerifiedCases, WhatWasMendedIsToldAndWhatCouldNotBeNeedsAPerson) {
   EXPECT_EQ(verification_of(report, mending).detail,
             "1 object mended in the store; 1 object could not be mended");
   EXPECT_FALSE(verification_of(report, mending).alarm);
-  EXPECT_EQ(verification_of(report, {.erased = {"segments/room/00000000.ts.age"}}).detail,
+  fleet::Mending without;
+  without.erased = {"segments/room/00000000.ts.age"};
+  EXPECT_EQ(verification_of(report, without).detail,
             "1 object erased by the appliance and lost or damaged in the store, not put again");
   mending.more_left = 1'000;
   EXPECT_EQ(verification_of(report, mending).detail,
