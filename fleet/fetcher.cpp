@@ -172,6 +172,11 @@ class Fetching {
       take_what_the_ledger_names();
     }
     tell_of_choices();
+    for (const auto& each : held_) {
+      const bool held = each.second.second;
+      if ((held ? result_.holds.held : result_.holds.free)++ == 0)
+        (held ? result_.holds.first_held : result_.holds.first_free) = each.second.first;
+    }
     return std::move(result_);
   }
 
@@ -317,6 +322,8 @@ class Fetching {
                   " bytes where it told of " +
                   std::to_string(bytes != told.bytes ? told.bytes : version.bytes) + ": try again");
     }
+    held_.insert_or_assign(version.key, std::pair(version, told.legal_hold));
+    result_.holds.are_locks_told = result_.holds.are_locks_told || told.lock_ends || told.legal_hold;
     std::string hash = before == 0 ? file.finish(flushes_) : "";
     if (before == 0 && !told.sha256.empty() && told.sha256 != hash) {
       result_.remarks.push_back(version.key + " is not what was put: the store tells of another SHA-256");
@@ -467,7 +474,8 @@ class Fetching {
   std::map<std::string, std::vector<ListedVersion>> versions_;  // by the file's name, newest first
   std::map<std::string, ListedVersion> parts_;  // by their names, which sort as their bytes do
   std::map<std::string, std::string> hashes_;   // of what was taken last, hexadecimal
-  std::set<std::string> wanted_;                // lines may name one file as often as their writer likes
+  std::map<std::string, std::pair<ListedVersion, bool>> held_;  // by key, as the store told of it
+  std::set<std::string> wanted_;  // lines may name one file as often as their writer likes
   FetchedCase result_;
 };
 

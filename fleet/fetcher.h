@@ -19,13 +19,21 @@ namespace kiroku::fleet {
 /// StoreError.
 std::vector<std::string> cases_in_store(ObjectStore& store, const std::string& appliance);
 
-/// What a ledger names, where the newest version in the store is something else. Not what was erased since.
+/// What a ledger names, where the newest version in the store is something else; of what it says to be erased
+/// only where the store lists it still.
 struct UnfitFile {
   std::string path;
   crypto::Sha256Digest sha256{};       // as the ledger has it,
   std::optional<std::uint64_t> bytes;  // where it says how many
   std::uint64_t entry = 0;  // which line names it, from 0; what it states of itself is not believed
   bool older_fits = false;  // an older version is what the ledger names, and was taken
+};
+
+/// What the store told of the legal hold of the objects that were taken, the last version of each.
+struct HoldsSeen {
+  std::uint64_t held = 0, free = 0;
+  ListedVersion first_held, first_free;  // in the order of their keys
+  bool are_locks_told = false;           // any lock of any of them; else this access key may not see them
 };
 
 struct FetchedCase {
@@ -41,6 +49,7 @@ struct FetchedCase {
   /// Segments whose bytes were left in the store, by their paths: the version that they are. In the folder
   /// are files of their sizes without them (fleet/stored_reading.h).
   std::map<std::string, ListedVersion> in_store;
+  HoldsSeen holds;
   /// What was left out as the store lists it and does not give it, by its path, and why.
   std::map<std::string, std::string> unreadable;
 };

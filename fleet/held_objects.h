@@ -2,9 +2,11 @@
 // told of it. Functions; one thread at a time.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "base/utc_time.h"
 #include "crypto/file_hash.h"
 #include "fleet/object_store.h"
 
@@ -15,7 +17,19 @@ namespace kiroku::fleet {
 /// StoreError.
 PutLock longest_lock(ObjectStore& store, const std::vector<std::string>& keys);
 
-/// Throws kiroku::Error where the store does not hold a version, read back, as it was put. Throws StoreError.
+/// The locks of the versions of one object that versions_to_try() says.
+struct ObjectLocks {
+  /// Of the first version that was put: nobody can put one before it. Nothing where the store does not tell
+  /// of that version, or it is under no COMPLIANCE lock.
+  std::optional<UtcTime> first;
+  std::optional<UtcTime> longest;  // COMPLIANCE, ended or not
+  bool legal_hold = false;         // of any
+};
+/// Throws StoreError.
+ObjectLocks locks_of(ObjectStore& store, const std::string& key);
+
+/// Throws kiroku::Error where the store does not hold a version, read back, as it was put: under the lock,
+/// where `lock` has one, and the hold. Throws StoreError.
 void require_held(ObjectStore& store, const std::string& key, const std::string& version,
                   const crypto::FileHash& hash, const PutLock& lock);
 

@@ -174,10 +174,12 @@ class Mender::Pass {
     const std::uint64_t believed = believed_lines(*ledger);
     judge_end(*ledger, believed);
     if (result_.has_other_ledger) return;
+    read_erased(believed);
     for (const UnfitFile& each : fetched_.unfit) {
-      if (each.entry < believed) mend_file(each);
+      if (each.entry < believed && !erased_files_.contains(each.path)) mend_file(each);
     }
     mend_falsely_erased(believed);
+    leave_out_erased();
     mend_notes(*ledger);
     for (const UnfitFile& each : fetched_.unfit) {
       if (each.entry >= believed)
@@ -388,36 +390,57 @@ class Mender::Pass {
     }
   }
 
-  /// Segments that only lines behind the signed ones say to be erased: whoever can put makes such lines.
-  void mend_falsely_erased(std::uint64_t believed) {
+  /// Each whole line of the ledger that is an entry, with its number.
+  void for_each_entry(const std::function<void(std::uint64_t, const archive::CaseEntryBody&)>& visit) const {
     const archive::ReadableFile file =
         archive::real_reading().open_to_read(fetched_.folder / archive::kLedgerFile);
-    const auto for_each =
-        [&](const std::function<void(std::uint64_t, const archive::CaseEntryBody&)>& visit) {
-          archive::LineReader lines(file);
-          archive::LedgerLine line;
-          for (std::uint64_t number = 0; lines.next(line) && !line.torn; ++number) {
-            const archive::EntryParse parse =
-                line.too_long ? archive::EntryParse{} : archive::parse_case_entry(line.text);
-            if (parse.entry) visit(number, parse.entry->body);
-          }
-        };
-    ErasedSegments believed_erased, said_erased;
-    bool is_any_said = false;
-    for_each([&](std::uint64_t number, const archive::CaseEntryBody& body) {
+    archive::LineReader lines(file);
+    archive::LedgerLine line;
+    for (std::uint64_t number = 0; lines.next(line) && !line.torn; ++number) {
+      const archive::EntryParse parse =
+          line.too_long ? archive::EntryParse{} : archive::parse_case_entry(line.text);
+      if (parse.entry) visit(number, parse.entry->body);
+    }
+  }
+
+  /// What signed lines say to be erased, and what the others do.
+  void read_erased(std::uint64_t believed) {
+    for_each_entry([&](std::uint64_t number, const archive::CaseEntryBody& body) {
       const auto* erased = std::get_if<archive::ErasedEntry>(&body);
       if (erased == nullptr) return;
-      (number < believed ? believed_erased : said_erased).add(*erased);
-      is_any_said = is_any_said || number >= believed;
+      (number < believed ? erased_ : said_erased_).add(*erased);
+      is_any_said_ = is_any_said_ || number >= believed;
     });
-    if (!is_any_said) return;
-    believed_erased.join();
-    said_erased.join();
-    for_each([&](std::uint64_t number, const archive::CaseEntryBody& body) {
+    erased_.join();
+    said_erased_.join();
+    std::set<std::string> unfit;
+    for (const UnfitFile& each : fetched_.unfit) unfit.insert(each.path);
+    if (unfit.empty()) return;
+    for_each_entry([&](std::uint64_t number, const archive::CaseEntryBody& body) {
       const auto* segment = std::get_if<archive::SegmentEntry>(&body);
-      if (segment == nullptr || number >= believed || !said_erased.has(*segment) ||
-          believed_erased.has(*segment) || told_.contains(segment->file.file) ||
-          !may_be_file_of_case(segment->file.file) ||
+      if (segment != nullptr && number < believed && erased_.has(*segment) &&
+          unfit.contains(segment->file.file))
+        erased_files_.insert(segment->file.file);
+    });
+  }
+
+  /// Film that was erased comes back from no copy. Of what an older version has the case is judged as before.
+  void leave_out_erased() {
+    for (const UnfitFile& each : fetched_.unfit) {
+      if (!erased_files_.contains(each.path) || each.older_fits) continue;
+      fs::remove(fetched_.folder / each.path);
+      told_.insert(each.path);
+      result_.erased.insert(each.path);
+    }
+  }
+
+  /// Segments that only lines behind the signed ones say to be erased: whoever can put makes such lines.
+  void mend_falsely_erased(std::uint64_t believed) {
+    if (!is_any_said_) return;
+    for_each_entry([&](std::uint64_t number, const archive::CaseEntryBody& body) {
+      const auto* segment = std::get_if<archive::SegmentEntry>(&body);
+      if (segment == nullptr || number >= believed || !said_erased_.has(*segment) || erased_.has(*segment) ||
+          told_.contains(segment->file.file) || !may_be_file_of_case(segment->file.file) ||
           archive::real_reading().exists(fetched_.folder / segment->file.file)) {
         return;
       }
@@ -475,14 +498,34 @@ class Mender::Pass {
     put(path, {fetched_.folder / path, mender_.copies_.front()->name()});
   }
 
-  /// As long and as firmly as what was there.
+  /// As long and as firmly as what was there first. Where the store does not tell of that any more, as long
+  /// as the ledger. Nothing that is sealed stays for longer than the ledger that closed the case: not by a
+  /// version that somebody put since, and not by a ledger that tells of an erasure.
   PutLock lock_like(const std::string& path) {
     const std::string prefix = appliance_ + "/" + case_id_ + "/";
-    PutLock lock = longest_lock(*mender_.store_, {prefix + path, prefix + std::string(archive::kLedgerFile)});
-    if (!lock.ends || *lock.ends <= mender_.clock_.utc())
-      throw Error(
-          "nothing locks what the store has of the case any more, so nothing says how long to lock it");
-    return lock;
+    const ObjectLocks own = locks_of(*mender_.store_, prefix + path);
+    const ObjectLocks ledger = path == archive::kLedgerFile
+                                   ? own
+                                   : locks_of(*mender_.store_, prefix + std::string(archive::kLedgerFile));
+    PutLock lock{.legal_hold = own.legal_hold || ledger.legal_hold};
+    if (is_sealed(path)) {
+      const std::optional<UtcTime> closed = ledger.first ? ledger.first : ledger.longest;
+      lock.ends = own.first ? own.first : closed;
+      if (closed) lock.ends = std::min(lock.ends, closed);
+    } else {
+      lock.ends = own.first ? own.longest : std::max(own.longest, ledger.longest);
+    }
+    if (!lock.ends)
+      throw Error("nothing locks what the store has of the case, so nothing says how long to lock it");
+    if (*lock.ends > mender_.clock_.utc()) return lock;
+    if (!lock.legal_hold)
+      throw Error("the lock of what was there ended on " + format_utc(*lock.ends) +
+                  ", so that nothing of it is to be kept any more");
+    return {.legal_hold = true};
+  }
+  /// Pictures, sound, measurements, and whom they are of.
+  static bool is_sealed(const std::string& path) {
+    return path.starts_with(std::string(archive::kSegmentsFolder) + "/") || path == archive::kSubjectFile;
   }
 
   /// Whether the store has it now.
@@ -557,9 +600,12 @@ class Mender::Pass {
   std::map<std::uint64_t, std::string> unsigned_;             // and why they stay so
   std::map<std::uint64_t, Candidate> notes_;                  // to be put
   std::uint64_t sought_ = 0, notes_in_vain_ = 0, files_in_vain_ = 0;
-  std::string doubts_, details_;  // of the copies that were asked last
-  std::string refused_;           // why nothing more is put
-  std::set<std::string> told_;    // mended or left
+  std::string doubts_, details_;         // of the copies that were asked last
+  std::string refused_;                  // why nothing more is put
+  std::set<std::string> told_;           // mended, left or erased
+  ErasedSegments erased_, said_erased_;  // by signed lines; by the others
+  bool is_any_said_ = false;
+  std::set<std::string> erased_files_;  // of what does not fit
   Mending result_;
 };
 

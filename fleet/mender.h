@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -33,7 +34,10 @@ struct UnmendedFile {
 struct Mending {
   std::vector<MendedFile> mended;
   std::vector<UnmendedFile> left;
-  std::uint64_t more_left = 0;    // beyond those that are named
+  std::uint64_t more_left = 0;  // beyond those that are named
+  /// Files that signed lines say to be erased, and of which the store has not, or not any more, the recorded
+  /// bytes: they are not put again. What lay in their place is not in the folder any more.
+  std::set<std::string> erased = {};
   bool has_other_ledger = false;  // put in place of the one that was looked at
   [[nodiscard]] std::uint64_t left_count() const { return left.size() + more_left; }
 };
@@ -52,8 +56,10 @@ class Mender {
   /// Looks at a case that was fetched with UnreadableObjects::kLeaveOut, and mends what does not fit. The
   /// ledger counts as far as the largest checkpoint that one of `devices` signed reaches. Where the result
   /// has another ledger, nothing else was looked at: fetch the case anew. Mended files are in the folder,
-  /// too. `state` hears of each file before it is put, and once it was; then of the first that stay, and how
-  /// many more do. Throws StoreError where the store is away, kiroku::IoError.
+  /// too. What is put is locked for no longer than its first version was, and what is sealed never for longer
+  /// than the first version of the case's ledger, which came when the case was closed. `state` hears of each
+  /// file before it is put, and once it was; then of the first that stay, and how many more do. Throws
+  /// StoreError where the store is away, kiroku::IoError.
   Mending mend(const std::string& appliance, const std::string& case_id,
                const std::vector<crypto::VerifierKey>& devices, const FetchedCase& fetched,
                const StateMending& state);

@@ -266,6 +266,22 @@ struct ObjectStore::State {
     return answer;
   }
 
+  /// Puts `text` as a property of a version; `doing` completes "cannot …".
+  void set_of_version(const std::string& key, const std::string& version, const std::string& property,
+                      const std::string& text, const std::string& doing) {
+    const crypto::Sha256Digest hash = crypto::sha256(bytes_of(text));
+    const auto body = crypto::memory_source(bytes_of(text));
+    const Answer answer =
+        ask({.method = "PUT",
+             .key = key,
+             .query = property + "=&" + of_version(version),
+             .headers = {"x-amz-sdk-checksum-algorithm: SHA256",
+                         "x-amz-checksum-sha256: " + crypto::to_base64(hash, crypto::Base64Padding::kPadded)},
+             .body = body.get(),
+             .sha256 = crypto::to_hex(hash)});
+    if (answer.status != kOk) throw refusal(answer, doing);
+  }
+
   /// What an answer that is no success means to who runs the appliance.
   [[nodiscard]] StoreError refusal(const Answer& answer, const std::string& doing) const {
     const std::string code = error_code_of(answer.body);
@@ -439,21 +455,20 @@ std::vector<std::string> ObjectStore::folders(const std::string& prefix) {
 }
 
 void ObjectStore::set_legal_hold(const std::string& key, const std::string& version, bool on) {
-  const std::string text =
+  state_->set_of_version(
+      key, version, "legal-hold",
       std::string("<LegalHold xmlns=\"http://s3.amazonaws.com/doc/2006-03-01/\"><Status>") +
-      (on ? "ON" : "OFF") + "</Status></LegalHold>";
-  const crypto::Sha256Digest hash = crypto::sha256(bytes_of(text));
-  const auto body = crypto::memory_source(bytes_of(text));
-  const Answer answer = state_->ask(
-      {.method = "PUT",
-       .key = key,
-       .query = "legal-hold=&" + of_version(version),
-       .headers = {"x-amz-sdk-checksum-algorithm: SHA256",
-                   "x-amz-checksum-sha256: " + crypto::to_base64(hash, crypto::Base64Padding::kPadded)},
-       .body = body.get(),
-       .sha256 = crypto::to_hex(hash)});
-  if (answer.status != 200)
-    throw state_->refusal(answer, std::string(on ? "set" : "lift") + " the legal hold of " + key);
+          (on ? "ON" : "OFF") + "</Status></LegalHold>",
+      std::string(on ? "set" : "lift") + " the legal hold of " + key);
+}
+
+void ObjectStore::set_retention(const std::string& key, const std::string& version, UtcTime ends) {
+  state_->set_of_version(
+      key, version, "retention",
+      "<Retention xmlns=\"http://s3.amazonaws.com/doc/2006-03-01/\"><Mode>COMPLIANCE</Mode>"
+      "<RetainUntilDate>" +
+          lock_text(ends) + "</RetainUntilDate></Retention>",
+      "lock " + key);
 }
 
 Bytes ObjectStore::get(const std::string& key, const std::string& version, std::size_t most) {

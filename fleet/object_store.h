@@ -108,6 +108,9 @@ class ObjectStore {
   /// Sets or lifts the legal hold of a version. Whether the store did is for look() to tell. Throws
   /// StoreError.
   void set_legal_hold(const std::string& key, const std::string& version, bool on);
+  /// Locks a version in COMPLIANCE mode until `ends`. Whether the store did is for look() to tell. Throws
+  /// StoreError.
+  void set_retention(const std::string& key, const std::string& version, UtcTime ends);
   /// All of a version's bytes. Throws kiroku::Error where there are more than `most`.
   Bytes get(const std::string& key, const std::string& version, std::size_t most);
   /// The same, piece by piece as it comes; what the store tells of it beside. More than `most` bytes are not

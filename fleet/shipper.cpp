@@ -1,11 +1,13 @@
 #include "fleet/shipper.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "archive/format/case_folder.h"
 #include "archive/format/case_layout.h"
 #include "archive/format/ledger_tail.h"
 #include "archive/search/note_writer.h"
+#include "base/number_text.h"
 #include "base/printable.h"
 #include "crypto/encoding.h"
 
@@ -25,6 +27,8 @@ constexpr std::size_t kOffsetDigits = 12;
 constexpr std::chrono::seconds kSettled{2};
 /// So many objects are entered into the list at once.
 constexpr std::uint64_t kKeptTogether = 64;
+/// How long what the store confirmed of a legal hold is taken for granted.
+constexpr std::chrono::hours kHoldsLookedAtAgain{24};
 constexpr std::string_view kLogFolder = "log";
 constexpr std::string_view kPublished = "published";
 constexpr std::string_view kPublishedCheckpoint = "checkpoint", kPublishedTiles = "tile";
@@ -105,6 +109,20 @@ std::uint64_t lines_in(const crypto::ByteSource& source) {
   return lines;
 }
 
+/// Stores keep whole seconds.
+bool is_locked(const StoredObject& stored, UtcTime until) {
+  return stored.compliance && stored.lock_ends &&
+         *stored.lock_ends >= std::chrono::floor<std::chrono::seconds>(until);
+}
+
+/// Which entries of the log hold a case; "" where none does.
+std::string entries_of(const std::vector<archive::Hold>& holds) {
+  std::string entries;
+  for (const archive::Hold& each : holds)
+    entries += (entries.empty() ? "" : ",") + std::to_string(each.entry);
+  return entries;
+}
+
 /// How a recording's folder is: its ledger, and when anything in it was made, renamed or removed last. Files
 /// are never written again once they have their names.
 struct FolderState {
@@ -158,8 +176,7 @@ struct Shipper::Pass {
   /// Whether the store tells of the object as it must be.
   [[nodiscard]] bool is_as_put(const StoredObject& stored, const ShippedObject& object) const {
     return (!held || stored.legal_hold) && stored.bytes == object.file.bytes &&
-           stored.sha256 == object.sha256 && stored.compliance && stored.lock_ends &&
-           *stored.lock_ends >= std::chrono::floor<std::chrono::seconds>(object.lock_ends);
+           stored.sha256 == object.sha256 && is_locked(stored, object.lock_ends);
   }
 
   /// An earlier process put it, and could not enter it any more, or the list is another: nothing is put
@@ -289,50 +306,170 @@ struct Shipper::Pass {
     }
   }
 
-  /// What the log says of a case's legal hold, on every version of its objects, whoever put them.
-  void hold_of(const std::string& case_id, bool standing) {
+  /// Every version of a case's objects, whoever put them, those that can be asked for in front; `doing`
+  /// completes "its legal hold was not …".
+  [[nodiscard]] std::vector<ListedVersion> versions_of(const std::string& case_id, const std::string& doing) {
     const std::string evidence = prefix() + std::string(archive::kEvidenceFolder) + "/" + case_id + ".ers";
+    std::vector<ListedVersion> versions;
     for (const std::string& begin :
          {prefix() + case_id + "/", prefix() + "growing/" + case_id + "/", evidence}) {
-      std::vector<ListedVersion> versions;
       shipper.store_.for_each_version(begin, [&](const ListedVersion& each) {
         if (versions.size() == kMostVersions) {
           throw Error("the store lists more than " + std::to_string(kMostVersions) + " objects below " +
-                      begin + ", which no case has: its legal hold was not " + (standing ? "set" : "lifted"));
+                      begin + ", which no case has: its legal hold was not " + doing);
         }
         versions.push_back(each);
       });
-      for (const ListedVersion& each : versions) {
-        if (ended()) return;
-        if (!is_plain_key(each.key)) {
-          throw Error("'" + printable(each.key) + "' in the store has a name that nothing of Kiroku gives: " +
-                      "its legal hold was not " + (standing ? "set" : "lifted"));
-        }
-        require_hold(each.key, each.version, standing);
-      }
+    }
+    std::stable_partition(versions.begin(), versions.end(),
+                          [](const ListedVersion& each) { return is_plain_key(each.key); });
+    return versions;
+  }
+  static void require_plain(const ListedVersion& each, const std::string& doing) {
+    if (is_plain_key(each.key)) return;
+    throw Error("'" + printable(each.key) + "' in the store has a name that nothing of Kiroku gives: " +
+                "its legal hold was not " + doing);
+  }
+
+  /// What the log says of a case's legal hold, on every version of its objects.
+  void hold_of(const std::string& case_id, const std::vector<archive::Hold>& holds_of_case) {
+    const bool standing = !holds_of_case.empty();
+    const std::string doing = standing ? "set" : "lifted";
+    for (const ListedVersion& each : versions_of(case_id, doing)) {
+      if (ended()) return;
+      require_plain(each, doing);
+      require_hold(each.key, each.version, standing);
     }
     shipper.list_.set_hold(case_id, standing);
+    if (standing) shipper.list_.set_hold_check(case_id, {entries_of(holds_of_case), shipper.time_.utc()});
     shipper.list_.keep();
   }
 
-  /// Of every case that was ever held. What the store refuses keeps nothing from being shipped.
-  void run_holds() {
-    guarded([&] { holds = &shipper.holds_in(archive / kLogFolder); });
+  /// Of every case that was ever held: of those that are, or of those that are no longer. What the store
+  /// refuses keeps nothing from being shipped.
+  void run_holds(bool standing) {
     if (holds == nullptr) return;
-    for (const auto& each : *holds) {
-      const std::string& case_id = each.first;
-      const bool held_now = !each.second.empty();
-      if (shipper.list_.hold(case_id) == held_now) continue;
+    for (const auto& [case_id, holds_of_case] : *holds) {
+      if (standing == holds_of_case.empty() || shipper.list_.hold(case_id) == standing) continue;
       if (is_ended != nullptr && !ended()) {
-        try {
-          guarded([&] { hold_of(case_id, held_now); });
-        } catch (const StoreError& error) {
-          if (error.passes()) throw;
-          report.problems.emplace_back(error.what());
-        }
+        guarded_of_case([&, &id = case_id, &of = holds_of_case] { hold_of(id, of); });
       }
-      if (shipper.list_.hold(case_id) != held_now) report.holds_waiting.push_back(case_id);
+      if (shipper.list_.hold(case_id) != standing) report.holds_waiting.push_back(case_id);
     }
+  }
+
+  /// What the store refuses of one case keeps no other from being looked at. Whether it was done.
+  bool guarded_of_case(const std::function<void()>& work) {
+    bool done = false;
+    try {
+      guarded([&] {
+        work();
+        done = true;
+      });
+    } catch (const StoreError& error) {
+      if (error.passes()) throw;
+      report.problems.emplace_back(error.what());
+    }
+    return done;
+  }
+
+  /// Whether the store is to be asked again for what it confirmed of a case under legal hold.
+  [[nodiscard]] bool is_to_be_looked_at(const std::string& case_id, const std::string& entries) {
+    if (entries.empty() || shipper.list_.hold(case_id) != true) return false;
+    const auto last = shipper.list_.hold_check(case_id);
+    const UtcTime now = shipper.time_.utc();
+    return !last || last->entries != entries || last->at > now || now - last->at >= kHoldsLookedAtAgain;
+  }
+
+  /// Whoever may set legal holds in the store may lift them, and nothing that was put tells of it.
+  void look_at_holds_again() {
+    if (holds == nullptr || is_ended == nullptr) return;
+    std::uint64_t most = shipper.terms_.looked_at_again;
+    std::optional<HoldLook>& look = shipper.look_;
+    if (look) {
+      const auto of_case = holds->find(look->case_id);
+      if (of_case == holds->end() || entries_of(of_case->second) != look->entries) look.reset();
+    }
+    for (const auto& [case_id, holds_of_case] : *holds) {
+      if (ended() || most == 0) return;
+      const std::string entries = entries_of(holds_of_case);
+      if (look ? look->case_id != case_id : !is_to_be_looked_at(case_id, entries)) continue;
+      const bool done = guarded_of_case([&, &id = case_id] {
+        if (!look) {
+          look = HoldLook{id, entries, versions_of(id, kLookedAtAgain)};
+          std::ranges::reverse(look->left);
+        }
+        look_on(*look, most);
+        if (!look->left.empty()) return;
+        shipper.list_.set_hold_check(id, {entries, shipper.time_.utc()});
+        shipper.list_.keep();
+        look.reset();
+      });
+      if (done) continue;
+      // From now on its hold is set as of a case that was held just now, and told as waiting until it is.
+      look.reset();
+      shipper.list_.set_hold(case_id, false);
+      report.holds_waiting.push_back(case_id);
+    }
+  }
+
+  static constexpr const char* kLookedAtAgain = "looked at again";
+  struct Lifted {
+    std::uint64_t count = 0;
+    std::string first;
+    void add(const std::string& key) {
+      if (count++ == 0) first = key;
+    }
+  };
+  void look_on(HoldLook& look, std::uint64_t& most) {
+    Lifted lifted, unlocked;
+    const auto tell = [&](bool all_again) {
+      tell_lifted(look.case_id, "legal hold", all_again, lifted);
+      tell_lifted(look.case_id, "lock", all_again, unlocked);
+    };
+    try {
+      while (!look.left.empty() && most > 0 && !ended()) {
+        look_at(look.left.back(), lifted, unlocked);
+        look.left.pop_back();
+        --most;
+      }
+    } catch (...) {
+      tell(false);
+      throw;
+    }
+    tell(true);
+  }
+  void look_at(const ListedVersion& each, Lifted& lifted, Lifted& unlocked) {
+    require_plain(each, kLookedAtAgain);
+    ObjectStore& store = shipper.store_;
+    const std::optional<StoredObject> there = store.look(each.key, each.version);
+    if (!there) return;
+    if (!there->legal_hold) {
+      lifted.add(each.key);
+      require_hold(each.key, each.version, true);
+    }
+    const std::optional<ShippedObject> known = shipper.list_.find(each.key);
+    if (!known || known->version != each.version || known->lock_ends <= shipper.time_.utc() ||
+        is_locked(*there, known->lock_ends))
+      return;
+    unlocked.add(each.key);
+    store.set_retention(each.key, each.version, known->lock_ends);
+    const std::optional<StoredObject> after = store.look(each.key, each.version);
+    if (after && is_locked(*after, known->lock_ends)) return;
+    throw Error("the store had locked " + each.key + " until " + format_utc(known->lock_ends) +
+                ", and does not any more: its locks cannot be relied on ('kiroku ship --probe' tries them)");
+  }
+  /// In the report, and in the log: whoever lifted it has rights in the store, and may have none here.
+  void tell_lifted(const std::string& case_id, const std::string& what, bool all_again,
+                   const Lifted& lifted) {
+    if (lifted.count == 0) return;
+    const std::string found = "found the " + what + " of " + counted(lifted.count, "object", "objects") +
+                              " of the case lifted in the store, " + lifted.first +
+                              (lifted.count == 1 ? "" : " first") +
+                              (all_again ? ", and set it again" : ", and could not set it again everywhere");
+    shipper.lifted_.push_back("case " + case_id + " is under legal hold: 'kiroku ship' " + found +
+                              ". Somebody who may do that in the store did it: ask its administrator who");
+    if (shipper.terms_.state) guarded([&] { shipper.terms_.state(case_id, found); });
   }
 
   void recording(const std::string& name) {
@@ -399,7 +536,15 @@ struct Shipper::Pass {
   }
 
   void run() {
-    run_holds();
+    guarded([&] { holds = &shipper.holds_in(archive / kLogFolder); });
+    run_holds(true);
+    ship_files();
+    // Behind the log, so that whoever compares the two finds no case held there and not here.
+    run_holds(false);
+    if (!ended()) look_at_holds_again();
+  }
+
+  void ship_files() {
     std::vector<std::string> names = archive::real_reading().names_in(archive);
     // Cases in the order of their beginning; the log, which tells of them, behind.
     std::erase_if(names, [](const std::string& name) { return !archive::is_case_id(name); });
@@ -515,6 +660,7 @@ ShippingReport Shipper::ship(const fs::path& archive, const std::function<bool()
     list_.keep();
     throw;
   }
+  pass.report.lifted = std::exchange(lifted_, {});
   if (pass.ended() || !pass.report.problems.empty()) {
     list_.keep();
   } else {

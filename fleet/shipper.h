@@ -13,7 +13,8 @@
 // Lines go after the files that they name, and checkpoints after the lines that they are of. So a copy,
 // whenever it is made, is what a recorder that was cut off could have left. An object counts once the store
 // has told of it with its size, its SHA-256 and its lock. What the appliance log says of legal holds is set
-// in the store, on every version of the case's objects, and asked back. Not thread-safe.
+// in the store, on every version of the case's objects, and asked back; each day it is looked at again, and
+// what somebody lifted in the store meanwhile is set again and told. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -45,6 +46,12 @@ struct ShippingTerms {
   /// Throws kiroku::Error where the log in the archive is not the appliance's: its holds are not set or
   /// lifted then. May be null.
   std::function<void()> require_log = {};
+  /// States in the appliance log what was found of a case. Throws kiroku::Error where that cannot be. May be
+  /// null.
+  std::function<void(const std::string& case_id, const std::string& what)> state = {};
+  /// So many objects are looked at again in one pass, to see that they are still under legal hold; the next
+  /// pass goes on. What comes is shipped between.
+  std::uint64_t looked_at_again = UINT64_MAX;
 };
 
 /// What one pass did, and what it left.
@@ -55,6 +62,9 @@ struct ShippingReport {
   std::optional<UtcTime> waiting_since;          // when the oldest of them was written
   /// Cases of which the store has not confirmed what the log says of their legal hold.
   std::vector<std::string> holds_waiting;
+  /// Of cases under legal hold, what the store no longer held or locked as it had confirmed, a sentence each.
+  /// Nothing of Kiroku lifts it so.
+  std::vector<std::string> lifted;
   /// What could not be shipped, a sentence each; the rest was.
   std::vector<std::string> problems;
 };
@@ -65,7 +75,8 @@ class Shipper {
   Shipper(ObjectStore& store, ShippingList& list, ShippingTerms terms, const Clock& time = Clock::system());
 
   /// Ships what is not in the store yet: of every case and of the appliance log in `archive`, oldest first.
-  /// Ends early once `is_ended`. Throws StoreError where the store does not take anything, what is not away
+  /// What is under legal hold is looked at again where its holds changed, and each day. Ends early once
+  /// `is_ended`. Throws StoreError where the store does not take anything, what is not away
   /// is shipped next time.
   ShippingReport ship(const std::filesystem::path& archive, const std::function<bool()>& is_ended);
   /// The same without asking the store.
@@ -73,6 +84,11 @@ class Shipper {
 
  private:
   struct Pass;
+  /// One case's objects, being looked at again.
+  struct HoldLook {
+    std::string case_id, entries;
+    std::vector<ListedVersion> left;  // the next one last
+  };
   const archive::Holds& holds_in(const std::filesystem::path& log);
   ObjectStore& store_;
   ShippingList& list_;
@@ -81,6 +97,8 @@ class Shipper {
   /// The holds as they were read last, and how the log was then.
   std::string holds_read_of_;
   archive::Holds holds_;
+  std::optional<HoldLook> look_;
+  std::vector<std::string> lifted_;  // found, and in no report yet
 };
 
 /// What became of an object that was put under a lock of a minute, to find out whether the store's locks

@@ -32,11 +32,16 @@ UtcTime time_of(std::int64_t microseconds) { return UtcTime(std::chrono::microse
 
 ShippingList::ShippingList(const std::filesystem::path& file)
     : path_(file), may_be_behind_(true), file_(archive::SqliteFile::open(file, kSchema)) {
-  // Lists that were made before there were legal holds lack it.
+  // Lists that were made before there were legal holds, or before these were looked at again, lack them.
   file_
       ->statement(
           "CREATE TABLE IF NOT EXISTS hold (case_id TEXT PRIMARY KEY, standing INTEGER NOT NULL) WITHOUT "
           "ROWID")
+      .step();
+  file_
+      ->statement(
+          "CREATE TABLE IF NOT EXISTS hold_check (case_id TEXT PRIMARY KEY, entries TEXT NOT NULL, at_us "
+          "INTEGER NOT NULL) WITHOUT ROWID")
       .step();
   auto state = file_->statement("SELECT unfinished FROM state");
   may_be_behind_ = !state.step() || state.integer(0) != 0;
@@ -145,6 +150,20 @@ void ShippingList::set_hold(const std::string& case_id, bool standing) {
   begin();
   auto put = file_->statement("INSERT OR REPLACE INTO hold VALUES (?, ?)");
   put.bind(std::string_view(case_id)).bind(std::int64_t{standing});
+  put.step();
+}
+
+std::optional<ShippingList::HoldCheck> ShippingList::hold_check(const std::string& case_id) {
+  auto found = file_->statement("SELECT entries, at_us FROM hold_check WHERE case_id = ?");
+  found.bind(std::string_view(case_id));
+  if (!found.step()) return {};
+  return HoldCheck{found.text(0), time_of(found.integer(1))};
+}
+
+void ShippingList::set_hold_check(const std::string& case_id, const HoldCheck& check) {
+  begin();
+  auto put = file_->statement("INSERT OR REPLACE INTO hold_check VALUES (?, ?, ?)");
+  put.bind(std::string_view(case_id)).bind(std::string_view(check.entries)).bind(microseconds(check.at));
   put.step();
 }
 

@@ -69,6 +69,14 @@ class ShippingList {
   /// nothing where nobody looked.
   [[nodiscard]] std::optional<bool> hold(const std::string& case_id);
   void set_hold(const std::string& case_id, bool standing);
+  /// When every object of a case under legal hold was last seen to be so in the store, and by which entries
+  /// of the log it was held then.
+  struct HoldCheck {
+    std::string entries;
+    UtcTime at;
+  };
+  [[nodiscard]] std::optional<HoldCheck> hold_check(const std::string& case_id);
+  void set_hold_check(const std::string& case_id, const HoldCheck& check);
 
   struct Totals {
     std::uint64_t objects = 0, bytes = 0;

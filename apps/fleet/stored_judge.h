@@ -10,6 +10,7 @@
 #include "apps/common/scratch_folder.h"
 #include "apps/fleet/fleet_configuration.h"
 #include "apps/fleet/store_mending.h"
+#include "apps/fleet/stored_holds.h"
 #include "archive/verify/verifier.h"
 #include "base/utc_time.h"
 #include "fleet/fetcher.h"
@@ -37,12 +38,20 @@ class StoredJudge {
                                     UtcTime changed);
   /// What was mended in the store before the last case was judged, also where it then could not be judged.
   [[nodiscard]] const fleet::Mending& mending() const { return done_; }
+  /// Where the store held the last case that was judged otherwise than the log in the store says.
+  [[nodiscard]] const HoldDifference& hold() const { return hold_; }
 
  private:
   fleet::FetchedCase fetched(const std::string& appliance, const std::string& case_id,
                              const std::filesystem::path& device, fleet::SegmentBytes segments);
   archive::VerificationReport judge_there(const fleet::FetchedCase& there, JudgingRequest& judging);
   std::filesystem::path log_of(const std::string& appliance, UtcTime changed);
+  std::filesystem::path fetch_log(const std::string& appliance);
+  fleet::HoldsSeen holds_seen(const std::string& appliance, const std::string& case_id,
+                              const std::filesystem::path& device, const fleet::FetchedCase& there);
+  HoldDifference hold_of(const std::string& appliance, const std::string& case_id,
+                         const std::filesystem::path& device, const fleet::HoldsSeen& in_store);
+  const archive::Holds& holds_of(const std::string& appliance, const std::filesystem::path& device);
 
   const FleetConfiguration& configuration_;
   fleet::ObjectStore store_;
@@ -50,7 +59,9 @@ class StoredJudge {
   const ScratchFolder scratch_;
   std::optional<StoreMending> mending_;
   fleet::Mending done_;
-  std::map<std::string, UtcTime> logs_;  // when each was fetched
+  HoldDifference hold_;
+  std::map<std::string, UtcTime> logs_;          // when each was fetched
+  std::map<std::string, archive::Holds> holds_;  // by those, where they were read
 };
 
 }  // namespace kiroku::apps

@@ -41,8 +41,8 @@ fleet::Verification verification_of(const archive::VerificationReport& report) {
           std::move(detail)};
 }
 
-fleet::Verification verification_of(const archive::VerificationReport& report,
-                                    const fleet::Mending& mending) {
+fleet::Verification verification_of(const archive::VerificationReport& report, const fleet::Mending& mending,
+                                    const HoldDifference& hold) {
   fleet::Verification found = verification_of(report);
   const auto tell = [&](std::size_t count, const char* what) {
     if (count > 0)
@@ -50,6 +50,9 @@ fleet::Verification verification_of(const archive::VerificationReport& report,
   };
   tell(mending.mended.size(), " mended in the store");
   tell(mending.left_count(), " could not be mended");
+  tell(mending.erased.size(), " erased by the appliance and lost or damaged in the store, not put again");
+  if (!hold.text.empty()) found.detail += (found.detail.empty() ? "" : "; ") + hold.text;
+  if (hold.lifted) ++found.findings;
   return found;
 }
 
@@ -73,7 +76,8 @@ void VerifiedCases::compare(const fleet::FleetTotals& catalogue) {
 
 int VerifiedCases::status() const {
   if (not_intact_ + elsewhere_not_intact_ + missing_ + unreadable_ > 0) return kAnswerIsNo;
-  const bool is_known = incomplete_ + unproven_ + unchecked_ + left_ + elsewhere_unproven_ + unsettled_ == 0;
+  const bool is_known =
+      incomplete_ + unproven_ + unchecked_ + left_ + lifted_ + elsewhere_unproven_ + unsettled_ == 0;
   return is_known && !ended_early_ ? kDone : kNoAnswer;
 }
 
@@ -88,6 +92,8 @@ std::string VerifiedCases::summary() const {
   add(unchecked_, "could not be checked");
   if (mended_ > 0) words += "; " + counted(mended_, "object", "objects") + " mended in the store";
   if (left_ > 0) words += "; " + counted(left_, "object", "objects") + " could not be mended";
+  if (lifted_ > 0)
+    words += "; of " + counted(lifted_, "case", "cases") + " under legal hold the store does not hold all";
   std::string beside;
   const auto add_beside = [&](std::uint64_t count, const char* what) {
     if (count > 0) beside += (beside.empty() ? "" : ", ") + std::to_string(count) + " " + what;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 
+#include "apps/fleet/stored_holds.h"
 #include "archive/verify/report.h"
 #include "fleet/catalogue/fleet_catalogue.h"
 #include "fleet/mender.h"
@@ -14,8 +15,10 @@ namespace kiroku::apps {
 /// A report as the catalogue keeps it. An alarm is raised for a case that is not intact, and for an excerpt
 /// in a case's place; not where it is incomplete or unproven.
 fleet::Verification verification_of(const archive::VerificationReport& report);
-/// The same, of a store in which this was mended before the case was judged.
-fleet::Verification verification_of(const archive::VerificationReport& report, const fleet::Mending& mending);
+/// The same, of a store in which this was mended before the case was judged, and which differs so from the
+/// log about its legal hold. A hold that was lifted is one finding more, and none of the verdict's.
+fleet::Verification verification_of(const archive::VerificationReport& report, const fleet::Mending& mending,
+                                    const HoldDifference& hold = {});
 
 /// Of one run of 'kiroku-fleet verify'. Not thread-safe.
 class VerifiedCases {
@@ -28,6 +31,8 @@ class VerifiedCases {
     mended_ += mended;
     left_ += left;
   }
+  /// A case under legal hold of which the store tells that it holds not all of it.
+  void add_lifted() { ++lifted_; }
   /// The run was told to end before it had looked at all that it was asked for.
   void end_early() { ended_early_ = true; }
   /// What the catalogue says once a run that was asked for every case is over: whatever this run did not look
@@ -35,7 +40,8 @@ class VerifiedCases {
   void compare(const fleet::FleetTotals& catalogue);
 
   /// 1 where a case is not intact, missing from the store or unreadable, else 3 where one is incomplete or
-  /// unproven, got no verdict or was not looked at, or an object could not be mended, else 0.
+  /// unproven, got no verdict or was not looked at, an object could not be mended, or the store does not hold
+  /// what is under legal hold, else 0.
   [[nodiscard]] int status() const;
   /// "12 cases verified, 1 NOT INTACT, 2 incomplete, 1 could not be checked; not looked at: 1 missing from
   /// the store".
@@ -49,7 +55,7 @@ class VerifiedCases {
 
  private:
   std::uint64_t done_ = 0, not_intact_ = 0, incomplete_ = 0, unproven_ = 0, unchecked_ = 0;
-  std::uint64_t mended_ = 0, left_ = 0;
+  std::uint64_t mended_ = 0, left_ = 0, lifted_ = 0;
   std::uint64_t elsewhere_not_intact_ = 0, elsewhere_unproven_ = 0;  // by other workers, or from before
   std::uint64_t missing_ = 0, unreadable_ = 0, unsettled_ = 0;
   bool ended_early_ = false;

@@ -113,12 +113,15 @@ class Worker {
 
   fleet::Verification verify(const fleet::Lease& lease) {
     const archive::VerificationReport report = judge_.judge(lease.appliance, lease.case_id, lease.changed);
-    return verification_of(report, judge_.mending());
+    return verification_of(report, judge_.mending(), judge_.hold());
   }
 
   void tell(const fleet::Lease& lease, const fleet::Verification& found) {
     nlohmann::ordered_json mended = nlohmann::ordered_json::array(), left = mended;
     verified_.add_mended(judge_.mending().mended.size(), judge_.mending().left_count());
+    if (judge_.hold().lifted) verified_.add_lifted();
+    if (!judge_.hold().text.empty())
+      print_error("kiroku-fleet", lease.appliance + "/" + lease.case_id + ": " + judge_.hold().text);
     for (const fleet::MendedFile& each : judge_.mending().mended) {
       mended.push_back({{"file", each.path}, {"from", each.from}, {"version", each.version}});
       print_error("kiroku-fleet", lease.appliance + "/" + lease.case_id + ": mended " + each.path + " from " +
@@ -140,7 +143,10 @@ class Worker {
                        {"detail", found.detail},
                        {"mended", mended},
                        {"not_mended", left},
-                       {"more_not_mended", judge_.mending().more_left}});
+                       {"more_not_mended", judge_.mending().more_left},
+                       {"erased", judge_.mending().erased},
+                       {"legal_hold_differs", judge_.hold().text},
+                       {"legal_hold_lifted", judge_.hold().lifted}});
     } else {
       std::cout << printable(lease.appliance) << "  " << printable(lease.case_id) << "  " << found.verdict
                 << (found.detail.empty() ? "" : ": " + printable(found.detail)) << std::endl;
@@ -230,7 +236,13 @@ void add_fleet_verify_command(Command& program) {
       "store are not those that the appliance signed is put again, as a new version under the same lock, "
       "from an older version or a [[copy]] that has these bytes. Nothing is removed. What was mended, and "
       "what could not be, stands in the log of the home that [mending] names ('kiroku log'). The verdict is "
-      "that of the store after it was mended. What could not be mended makes the exit status 3 at least.");
+      "that of the store after it was mended. What could not be mended makes the exit status 3 at least. "
+      "Film "
+      "that the appliance erased, as signed lines of the ledger say, is never put again.");
+  command.explain(
+      "Where the appliance's log says that a case is under legal hold and the store does not hold all of it, "
+      "the line of the case says so, and the exit status is 3 at least. The verdict stays: it is of what is "
+      "there.");
   const auto request = std::make_shared<Request>();
   command.flag("--all", request->all,
                "every case that is closed or was cut off, due or not; waits for those that another holds");

@@ -119,8 +119,13 @@ MayGo if_due(const Ages& ages, const RetentionRule& rule, const std::string& str
   };
 }
 
-/// Whether the stream has a segment that is not erased yet, or a file that an erasure left which was cut off.
-bool has_something_left(const archive::CaseReader& reader, const std::string& stream) {
+/// What of a stream could still be erased.
+struct LeftOfStream {
+  bool segments = false;  // some are not erased yet
+  bool files = false;     // of an erasure that was cut off
+  [[nodiscard]] bool anything() const { return segments || files; }
+};
+LeftOfStream left_of(const archive::CaseReader& reader, const std::string& stream) {
   std::set<std::uint64_t> left;
   std::vector<archive::ErasedEntry> erased;
   for (const archive::SegmentEntry& segment : reader.segments(stream, INT64_MIN, INT64_MAX))
@@ -131,8 +136,8 @@ bool has_something_left(const archive::CaseReader& reader, const std::string& st
     left.erase(left.lower_bound(gone->first_index), left.upper_bound(gone->last_index));
     erased.push_back(*gone);
   });
-  return !left.empty() ||
-         !archive::files_to_erase(archive::real_file_system(), reader.folder(), erased).empty();
+  return {!left.empty(),
+          !archive::files_to_erase(archive::real_file_system(), reader.folder(), erased).empty()};
 }
 
 /// Whether erasing would find anything. Throws kiroku::UsageError where it would refuse the case as it is.
@@ -146,7 +151,7 @@ bool would_erase(const Candidate& candidate) {
                            [&](const auto& each) { return each.name == candidate.stream; })) {
     throw UsageError("case " + name + " has no stream " + printable(candidate.stream));
   }
-  return has_something_left(reader, candidate.stream);
+  return left_of(reader, candidate.stream).anything();
 }
 
 /// Cases of which nothing could be erased, with the reason: one that is damaged must not keep what is due in
@@ -229,7 +234,7 @@ void add_due_by_consent(const Home& home, const ConsentConfiguration& site, Refu
       std::erase_if(due, [&](const Candidate& each) {
         return each.folder == reader.folder() && each.stream == stream.name;
       });
-      if (!has_something_left(reader, stream.name)) continue;
+      if (!left_of(reader, stream.name).anything()) continue;
       // A consent may be given again between choosing and erasing, lawfully.
       const MayGo still = [&home, site, name, policy](const archive::OpenEntry&, UtcTime /*opened*/) {
         if (why_due_by_consent(standing_consents(home), name, site) == policy) return true;
@@ -255,7 +260,7 @@ std::vector<Candidate> what_is_due(const Home& home, const std::vector<Retention
     Ages::OfCase of_case(ages, reader);
     for (const archive::StreamInfo& stream : reader.opening().streams) {
       const RetentionRule* const rule = rule_for(rules, stream);
-      if (rule == nullptr || !of_case.is_older(rule->after) || !has_something_left(reader, stream.name))
+      if (rule == nullptr || !of_case.is_older(rule->after) || !left_of(reader, stream.name).anything())
         continue;
       due.push_back({reader.folder(), stream.name, rule->policy, if_due(ages, *rule, stream.name), true});
       due.back().opened = of_case.opened();
@@ -408,7 +413,7 @@ std::vector<std::string> other_forms_of(const Candidate& candidate) {
   std::vector<std::string> others;
   for (const archive::StreamInfo& each : streams) {
     const bool is_same = each.name == first || first_of(each) == first;
-    if (is_same && each.name != stream && has_something_left(reader, each.name)) others.push_back(each.name);
+    if (is_same && each.name != stream && left_of(reader, each.name).anything()) others.push_back(each.name);
   }
   return others;
 }
@@ -482,8 +487,10 @@ int run(const Request& request) {
                   ": " + doubted +
                       "; have the clock synchronised ('kiroku doctor' says whether it is), or compare 'date "
                       "-u' with another clock and give --clock-is-right");
+    // Of what the ledger calls erased already no copy is asked for: an erasure that was cut off ends as it
+    // began.
     const bool may_go = request.only_copy || candidate.by_consent ||
-                        !has_something_left(archive::CaseReader::open(candidate.folder), candidate.stream);
+                        !left_of(archive::CaseReader::open(candidate.folder), candidate.stream).segments;
     const auto only_copy = may_go ? std::nullopt : why_none_holds(candidate);
     if (only_copy) {
       return keep(candidate, *only_copy,

@@ -33,6 +33,8 @@ namespace {
 
 constexpr std::chrono::seconds kLookInterval{5};
 constexpr std::chrono::seconds kLongestPause{60};
+/// Objects under legal hold, in one look; what is recorded meanwhile waits no longer than a few seconds.
+constexpr std::uint64_t kLookedAtAgain = 500;
 
 struct Request {
   std::optional<std::string> home, mend, scratch;
@@ -45,6 +47,7 @@ nlohmann::ordered_json json_of(const fleet::ShippingReport& report, const fleet:
                               {"waiting", report.waiting}, {"waiting_bytes", report.waiting_bytes}};
   if (report.waiting_since) json["waiting_since"] = format_utc(*report.waiting_since);
   json["holds_waiting"] = report.holds_waiting;
+  json["lifted"] = report.lifted;
   json["problems"] = report.problems;
   return json;
 }
@@ -69,8 +72,10 @@ int tell_status(const Request& request, const fleet::ShippingReport& report, fle
     for (const std::string& each : report.holds_waiting)
       std::cout << "legal hold     of case " << each << " is not confirmed by the store as the log says it\n";
     for (const std::string& problem : report.problems) print_error("kiroku", problem);
+    for (const std::string& each : report.lifted) print_error("kiroku", each);
   }
-  const bool is_all_there = report.waiting == 0 && report.holds_waiting.empty() && report.problems.empty();
+  const bool is_all_there =
+      report.waiting == 0 && report.holds_waiting.empty() && report.lifted.empty() && report.problems.empty();
   return is_all_there ? kDone : kNoAnswer;
 }
 
@@ -108,6 +113,14 @@ int probe(const Request& request, fleet::ObjectStore& store, const std::string& 
   return found.holds() ? kDone : kNoAnswer;
 }
 
+/// In the appliance log, for good.
+void state_in_log(const Home& home, const std::string& case_id, const std::string& what) try {
+  const crypto::SigningKey key = home.signing_key();
+  open_log(home, key)->access(case_id, printable(what), user_name());
+} catch (const Error& error) {
+  throw Error("the appliance log does not state that 'kiroku ship' " + what + ": " + error.what());
+}
+
 /// Again and again until it is told to end; a store that is away is asked less and less often.
 int follow(fleet::Shipper& shipper, const Home& home, LogPublishing& publishing) {
   std::chrono::seconds pause = kLookInterval;
@@ -118,6 +131,7 @@ int follow(fleet::Shipper& shipper, const Home& home, LogPublishing& publishing)
       publishing.bring_up_to_date(problems);
       const fleet::ShippingReport report = shipper.ship(home.archive(), told_to_end);
       problems.insert(problems.end(), report.problems.begin(), report.problems.end());
+      for (const std::string& each : report.lifted) print_error("kiroku", each);
       if (report.sent > 0)
         std::cout << "sent " << objects(report.sent) << ", " << format_bytes(report.sent_bytes) << std::endl;
       pause = kLookInterval;
@@ -168,6 +182,7 @@ int mend(const Request& request, const Home& home, fleet::ObjectStore&& store, c
     std::ranges::move(now.mended, std::back_inserter(all.mended));
     all.left = std::move(now.left);
     all.more_left = now.more_left;
+    all.erased = std::move(now.erased);
     if (!now.has_other_ledger) break;
   }
   if (request.json) {
@@ -176,8 +191,11 @@ int mend(const Request& request, const Home& home, fleet::ObjectStore&& store, c
       mended.push_back({{"file", each.path}, {"from", each.from}, {"version", each.version}});
     for (const fleet::UnmendedFile& each : all.left)
       left.push_back({{"file", each.path}, {"why", each.told()}});
-    print_json(
-        {{"case", case_id}, {"mended", mended}, {"not_mended", left}, {"more_not_mended", all.more_left}});
+    print_json({{"case", case_id},
+                {"mended", mended},
+                {"not_mended", left},
+                {"more_not_mended", all.more_left},
+                {"erased", all.erased}});
   } else {
     for (const fleet::MendedFile& each : all.mended)
       std::cout << "mended " << printable(each.path) << " from " << each.from << "\n";
@@ -185,7 +203,9 @@ int mend(const Request& request, const Home& home, fleet::ObjectStore&& store, c
       print_error("kiroku", "could not mend " + each.path + ": " + each.told());
     if (all.more_left > 0)
       print_error("kiroku", "could not mend " + std::to_string(all.more_left) + " more of its files");
-    if (all.mended.empty() && all.left.empty())
+    for (const std::string& each : all.erased)
+      std::cout << "erased " << printable(each) << ": the store has it no longer, and it is not put again\n";
+    if (all.mended.empty() && all.left.empty() && all.erased.empty())
       std::cout << "The store has what was signed of " << case_id << ": nothing is to be mended.\n";
   }
   return all.left.empty() ? kDone : kNoAnswer;
@@ -204,7 +224,9 @@ int run(const Request& request) {
       of.publish_log ? home.published_log() : "",
       search_notes_to_ship(
           home, of, [](const std::string& sentence) { print_error("kiroku", "warning: " + sentence); }),
-      [&home] { require_same_log(home); }};
+      [&home] { require_same_log(home); },
+      [&home](const std::string& case_id, const std::string& what) { state_in_log(home, case_id, what); },
+      request.follow ? kLookedAtAgain : UINT64_MAX};
   fleet::ObjectStore store = open_store(home, of);
   if (request.probe) return probe(request, store, of.appliance);
   if (request.mend) return mend(request, home, std::move(store), of.appliance);

@@ -133,6 +133,8 @@ sim::Scene PictureOptions::scene(sim::Ball ball, const sim::TetMesh& mesh,
     const sim::Endoscope asked = endoscope_asked();
     try {
       sim::look_through(asked, mesh, displacement_m, scene);
+    } catch (const sim::NoTissueOnAxis&) {
+      throw;
     } catch (const UsageError& error) {
       if (!asked.calibration) throw;
       throw UsageError(*lens + ": " + error.what());

@@ -2,7 +2,6 @@
 // (docs/reference/format-recovery.md names its members). Values; functions are pure and thread-safe.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>

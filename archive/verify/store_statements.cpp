@@ -101,6 +101,12 @@ class CaseContents {
   std::map<std::string, std::optional<crypto::Sha256Digest>> hashes_;
 };
 
+/// What is compared of a statement, which is up to a megabyte.
+void leave_out_lists(StoreStatement& statement) {
+  statement.files = {};
+  statement.missing = {};
+}
+
 /// Who signed a statement, and what that is worth.
 void judge_signature(const std::string& note, const crypto::VerifierKey& device, const VerifyOptions& options,
                      JudgedStatement& judged) {
@@ -252,7 +258,10 @@ std::vector<JudgedStatement> judge_store_statements(const CaseFolder& folder, co
     } else {
       judge_signature(*note, of.device, options, judged);
     }
-    if (!judged.is_trusted) continue;
+    if (!judged.is_trusted) {
+      if (judged.statement) leave_out_lists(*judged.statement);
+      continue;
+    }
     judge_time(files, beside / name, crypto::sha256(bytes_of(*note)), names, options, judged);
     sizes.insert(judged.statement->entries.size);
     sizes.insert(judged.statement->signed_entries.size);

@@ -31,8 +31,10 @@ struct StatedCase {
 
 /// A statement as it was judged.
 struct JudgedStatement {
-  std::string file;                         // its name
-  std::optional<StoreStatement> statement;  // nothing of what is none
+  std::string file;  // its name
+  /// Nothing of what is none. Of one that is not trusted only who states it of which store: whoever may write
+  /// there makes it as long as they like.
+  std::optional<StoreStatement> statement;
   std::string refusal;  // why it says nothing of this case, whoever signed it; empty: it may
   bool is_trusted = false;
   std::vector<std::string> differences;  // of a trusted one: what is not as it states, a sentence each

@@ -24,8 +24,7 @@ void limit_process(unsigned processor_seconds);
 /// From now on, for all threads and for good: a system call that is not on the list kills the process
 /// (SIGSYS). Paths, where libraries look for what they can do without, are refused with EACCES. No file can
 /// be opened, no program executed, no process started, looked at or signalled, no memory made executable,
-/// and but for kNetwork and
-/// kServer no socket made. Throws kiroku::Error where the kernel refuses.
+/// and but for kNetwork and kServer no socket made. Throws kiroku::Error where the kernel refuses.
 ///
 /// Programs with sanitizers: what is not on the list is refused with EPERM instead, because a sanitizer's own
 /// threads and reports need more calls than can be named.

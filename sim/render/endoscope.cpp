@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/error.h"
 #include "base/number_text.h"
 #include "sim/mesh/mesh_topology.h"
 #include "sim/render/picking.h"
@@ -27,7 +26,7 @@ double way_to_tissue_m(const Camera& camera, const TetMesh& mesh, std::span<cons
   for (Vector3& place_m : places_m) place_m.z() += before_all_m;
   const auto depth_m = depth_along(faces_of(mesh).surface, places_m, Eigen::Vector2d::Zero());
   if (!depth_m) {
-    throw UsageError(
+    throw NoTissueOnAxis(
         "the endoscope's axis meets no tissue: aim at some (--at X,Y,Z), or look from another side (--view)");
   }
   return *depth_m - before_all_m;

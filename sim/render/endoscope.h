@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 
+#include "base/error.h"
 #include "sim/mesh/tet_mesh.h"
 #include "sim/render/lens.h"
 #include "sim/render/scene.h"
@@ -23,9 +24,15 @@ struct Endoscope {
   std::optional<LensCalibration> calibration;
 };
 
+/// The axis of an endoscope meets nothing: whatever its lens is.
+class NoTissueOnAxis : public UsageError {
+ public:
+  using UsageError::UsageError;
+};
+
 /// Makes a scene what the endoscope shows along the axis of the scene's camera, of the mesh's surface as it
-/// is displaced (3 |V|, or empty for none). kiroku::UsageError where that axis meets nothing, and for a
-/// lens that none has.
+/// is displaced (3 |V|, or empty for none). Throws NoTissueOnAxis, and kiroku::UsageError for a lens that
+/// none has.
 void look_through(const Endoscope& endoscope, const TetMesh& mesh, std::span<const double> displacement_m,
                   Scene& scene);
 

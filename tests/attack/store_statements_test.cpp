@@ -116,6 +116,32 @@ TEST_F(StoreStatements, CountForNothingByAStranger) {
   EXPECT_EQ(codes(verify()), "incomplete untrusted") << "another key of the same name";
 }
 
+// A hundred of them, of a megabyte each, would take memory to the end of the verification.
+TEST_F(StoreStatements, OfAStrangerAreNotKeptWhole) {
+  StoreStatement statement = described();
+  statement.files.push_back({"checkpoints/99999999.note", {}});
+  statement.missing.push_back("segments/room/00000000.ts.age");
+  state(statement);
+  const auto judged = [&](const std::vector<crypto::VerifierKey>& devices) {
+    archive::VerifyOptions options;
+    options.devices = devices;
+    options.trust = &trust_;
+    const auto all = archive::judge_store_statements(
+        archive::CaseFolder::open(folder_),
+        {statement.case_id, crypto::VerifierKey::parse(statement.device), statement.entries.size}, options);
+    return all.at(0);
+  };
+  const archive::JudgedStatement stranger = judged({archive_.device()});
+  ASSERT_TRUE(stranger.statement);
+  EXPECT_FALSE(stranger.is_trusted);
+  EXPECT_EQ(stranger.statement->maker, "or-2");
+  EXPECT_TRUE(stranger.statement->files.empty());
+  EXPECT_TRUE(stranger.statement->missing.empty());
+  const archive::JudgedStatement trusted = judged({archive_.device(), device()});
+  EXPECT_TRUE(trusted.is_trusted);
+  EXPECT_FALSE(trusted.statement->files.empty());
+}
+
 TEST_F(StoreStatements, AreRefusedOfTheCasesOwnDevice) {
   StoreStatement statement = described();
   statement.maker = SampleArchive::kDeviceName;

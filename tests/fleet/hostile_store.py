@@ -19,7 +19,10 @@ import urllib.parse
 from xml.sax.saxutils import escape
 
 from fleet_test import Fleet
-from ship_test import HERE, Appliance, require
+from ship_test import HERE, Appliance, a_day_passes, require
+
+
+HOLD, MODE, UNTIL = (f"x-amz-object-lock-{what}" for what in ("legal-hold", "mode", "retain-until-date"))
 
 
 class Version:
@@ -75,6 +78,7 @@ class HostileStore:
         self.object_of = lambda key, version: None
         self.cut = lambda key: None
         self.status_of = lambda method, key, query: None
+        self.takes_locks = True
         self.asked = []
 
     def put(self, key, body, headers=()):
@@ -93,6 +97,10 @@ class HostileStore:
         elif "versions" in query:
             text = self.listing(query)
             asked.reply(200, (self.list_of(query) if text is None else text).encode())
+        elif asked.command == "PUT" and {"legal-hold", "retention"} & query.keys():
+            if self.takes_locks:
+                self.lock(next(each for each in self.objects[key] if each.name == query["versionId"]), body.decode())
+            asked.reply(200)
         elif asked.command == "PUT":
             kept = [(name.lower(), value) for name, value in asked.headers.items()
                     if name.lower().startswith(("x-amz-meta", "x-amz-object-lock"))]
@@ -101,6 +109,16 @@ class HostileStore:
             asked.reply(403, b"<Error><Code>AccessDenied</Code></Error>")
         else:
             self.give(asked, key, query.get("versionId"))
+
+    @staticmethod
+    def lock(version, text):
+        def of(name):
+            return text.partition(f"<{name}>")[2].partition("<")[0]
+
+        if "LegalHold" in text:
+            version.headers[HOLD] = of("Status")
+        else:
+            version.headers.update({MODE: of("Mode"), UNTIL: of("RetainUntilDate")})
 
     def give(self, asked, key, wanted):
         found = self.object_of(key, wanted)
@@ -321,6 +339,47 @@ def unconfirmed(attack):
     attack.anew()
 
 
+def holds_lifted_below_the_appliance(attack):
+    """Somebody who owns the store takes a hold, and a lock that nobody may shorten, off objects of a held case."""
+    appliance, key = attack.appliance, attack.segment()
+    appliance.kiroku("hold", attack.case, "--reason", "court order")
+    appliance.kiroku("ship")
+    require(all(version.headers[HOLD] == "ON" for name, found in attack.store.objects.items()
+                for version in found if name.startswith(attack.of_case())), "it is not held")
+    (held,) = attack.store.objects[key]
+    until = held.headers[UNTIL]
+
+    def shipped():
+        a_day_passes(appliance)
+        attack.store.asked = []
+        done = appliance.ask("ship", "--json")
+        return done.returncode, json.loads(done.stdout), done.stderr
+
+    status, told, _ = shipped()
+    require((status, told["lifted"]) == (0, []) and any(asked == "HEAD" for asked, _, _ in attack.store.asked), f"nothing was lifted: {told}")
+    held.headers = {name: value for name, value in held.headers.items() if not name.startswith("x-amz-object-lock")}
+    status, told, _ = shipped()
+    require(status == 3 and len(told["lifted"]) == 2 and all(key in each for each in told["lifted"]), f"it is not told: {told}")
+    require((held.headers[HOLD], held.headers[MODE]) == ("ON", "COMPLIANCE") and held.headers[UNTIL] == until, f"not set again: {held.headers}")
+    entries = json.loads(appliance.kiroku("log", "--json"))["entries"]
+    said = [each["what"] for each in entries if each["type"] == "access" and each["case"] == attack.case and "in the store" in each["what"]]
+    require(len(said) == 2 and f"found the legal hold of 1 object of the case lifted in the store, {key}, and set it again" in said, f"the log: {said}")
+    appliance.kiroku("ship")
+
+    # A store that takes it and does nothing.
+    attack.store.takes_locks = False
+    held.headers[HOLD] = "OFF"
+    status, told, _ = shipped()
+    require(status == 3 and told["holds_waiting"] == [attack.case] and "could not set it again everywhere" in told["lifted"][0] and
+            "does not tell of it so" in told["problems"][0], f"a store that does nothing: {told}")
+    attack.store.takes_locks = True
+    appliance.kiroku("ship")
+    require(held.headers[HOLD] == "ON", "it is not held at last")
+    appliance.kiroku("release", attack.case, "--reason", "settled")
+    appliance.kiroku("ship")
+    require(held.headers[HOLD] == "OFF", "it is held for good")
+
+
 def a_log_published_meanwhile(attack):
     """A checkpoint that another program publishes while hashes go to a slow store waits for those that it names."""
     home, store = attack.appliance.home, attack.store
@@ -405,7 +464,7 @@ def main():
         pathlib.Path(name).chmod(0o755)
         attack = Attack(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(name))
         for attempt in (truth, another_case, endless_lists, names, versions, sizes, nothing_at_all, the_end_withheld, unconfirmed,
-                        a_log_published_meanwhile, catalogue):
+                        holds_lifted_below_the_appliance, a_log_published_meanwhile, catalogue):
             attempt(attack)
             attack.anew()
             print(f"holds: {attempt.__name__.replace('_', ' ')}", flush=True)

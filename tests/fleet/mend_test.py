@@ -99,6 +99,9 @@ class Place:
         require(" 200" in done.stdout.splitlines()[0], f"the store does not tell of {path} {version}: {done.stdout}")
         return {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in done.stdout.splitlines())}
 
+    def lock_of(self, path, version):
+        return self.headers(path, version)["x-amz-object-lock-retain-until-date"]
+
     def is_whole(self):
         """What a plain copy of the bucket takes, the newest version of everything, is what was recorded."""
         for file in self.folder.rglob("*"):
@@ -154,6 +157,9 @@ def rot_is_mended_from_whichever_copy_fits(mending, place, folder):
     token, note = place.file("tokens/"), place.file("checkpoints/")
     rotten = {segment: flipped, other: truncated, third: None, token: flipped, note: flipped}
     before = {path: place.versions(path) for path in rotten}
+    ends = {path: place.lock_of(path, before[path][-1]) for path in rotten}
+    # Of a version that the disks lost wholly the store tells no lock: the ledger that closed the case has it.
+    ends[third] = place.lock_of("ledger.jsonl", place.versions("ledger.jsonl")[-1])
     for path, change in rotten.items():
         place.rot(path, change)
     # One copy has rotted as well, another has not: no copy is believed.
@@ -172,9 +178,8 @@ def rot_is_mended_from_whichever_copy_fits(mending, place, folder):
         now = place.versions(path)
         require(len(now) == len(versions) + 1 and set(versions) < set(now), f"{path} had {versions}, and has {now}")
         (new,) = set(now) - set(versions)
-        locks = [place.headers(path, new), place.headers("ledger.jsonl", place.versions("ledger.jsonl")[0])]
-        require(locks[0]["x-amz-object-lock-mode"] == "COMPLIANCE", f"nothing locks {path}")
-        require(locks[0]["x-amz-object-lock-retain-until-date"] >= locks[1]["x-amz-object-lock-retain-until-date"], f"{path} is locked for less: {locks}")
+        require(place.headers(path, new)["x-amz-object-lock-mode"] == "COMPLIANCE", f"nothing locks {path}")
+        require(place.lock_of(path, new) == ends[path], f"{path} was locked until {ends[path]}, and is until {place.lock_of(path, new)}")
         require(place.store.ask("DELETE", f"/{BUCKET}/{place.key(path)}?versionId={new}")[0] == 403, f"{path} could be removed")
         told = {each["what"]: each for each in mending.log()}
         first = f"mends {path} from {mended[path]}"
@@ -300,15 +305,19 @@ def no_number_of_versions_hides_the_recorded_one(mending, place, folder):
     """Whoever may put makes a hundred newer versions, which nothing locks."""
     segment, ledger, junk = place.file("segments/endoscope/"), "ledger.jsonl", folder / "junk"
     before = {path: set(place.versions(path)) for path in (segment, ledger)}
-    ends = max(place.headers(segment, each).get("x-amz-object-lock-retain-until-date", "") for each in before[segment])
+    ends = place.lock_of(segment, place.versions(segment)[-1])
     junk.write_bytes(flipped((place.folder / segment).read_bytes()))
     for _ in range(101):
         place.store.put(BUCKET, place.key(segment), junk)
         place.store.put(BUCKET, place.key(ledger), place.folder / ledger)
+    # One of them under a lock that nobody asked for.
+    retention = folder / "retention"
+    retention.write_text("<Retention><Mode>COMPLIANCE</Mode><RetainUntilDate>2130-01-01T00:00:00Z</RetainUntilDate></Retention>")
+    place.store.send(f"{BUCKET}/{place.key(segment)}?retention=&versionId={place.versions(segment)[0]}", retention)
     mended, left = mending.verify(place.case, "intact")
     require(mended == {segment: "an older version"} and not left, f"mended {mended}, left {left}")
     newest = place.versions(segment)[0]
-    require(place.headers(segment, newest)["x-amz-object-lock-retain-until-date"] >= ends, f"{segment} is locked for less than until {ends}")
+    require(place.lock_of(segment, newest) == ends, f"{segment} was locked until {ends}, and is until {place.lock_of(segment, newest)}")
     for path, known in before.items():
         for version in set(place.versions(path)) - known - {newest}:
             place.store.ask("DELETE", f"/{BUCKET}/{place.key(path)}?versionId={version}")
@@ -387,9 +396,47 @@ def a_legal_hold_goes_on(mending, place):
     require(mending.verify(place.case, "intact")[0].keys() == {segment}, "it is not mended")
     (new,) = set(place.versions(segment)) - set(before)
     require(place.headers(segment, new)["x-amz-object-lock-legal-hold"] == "ON", "what was mended is not under the hold")
+    # Where somebody lifts it in the store, the fleet tells; the verdict is of what is there.
+    off = place.appliance.home / "off"
+    for on, status in (("OFF", 3), ("ON", 0)):
+        off.write_text(f"<LegalHold><Status>{on}</Status></LegalHold>")
+        place.store.send(f"{BUCKET}/{place.key(segment)}?legal-hold=&versionId={new}", off)
+        told = mending.fleet.tell("verify", "--all", status=status)
+        (one,) = [each for each in told["cases"] if each["case"] == place.case]
+        require(one["verdict"].startswith("intact") and one["legal_hold_lifted"] == (on == "OFF"), f"{on}: {one}")
+        require(("the store does not hold 1 of " in one["detail"] and place.key(segment) in one["detail"]) == (on == "OFF"), f"{on}: {one}")
+    off.unlink()
     place.appliance.kiroku("release", place.case, "--reason", "settled")
     place.appliance.kiroku("ship")
     require(place.headers(segment, new)["x-amz-object-lock-legal-hold"] == "OFF", "the hold is not lifted of what was mended")
+
+
+def what_was_erased_stays_away(mending, place):
+    """The appliance erased it, and its copies have it still."""
+    gone, rotten, other = (f"segments/endoscope/{number:08}.ts.age" for number in range(3))
+    ledger_was = place.lock_of("ledger.jsonl", place.versions("ledger.jsonl")[-1])
+    place.appliance.kiroku("erase", place.case, "--stream", "endoscope", "--policy", "reviewed")
+    require(not (place.folder / gone).exists(), "it is not erased")
+    place.appliance.kiroku("ship")
+    mending.fleet.tell("index")
+    require(len(place.versions("ledger.jsonl")) == 2, "no ledger tells of it in the store")
+    before = {path: place.versions(path) for path in (gone, rotten, other)}
+    place.rot(gone, None)
+    place.rot(rotten, flipped)
+    # What was not erased is mended as before, and for no longer than the case was to be kept from its end.
+    vitals = place.file("segments/vitals/")
+    place.rot(vitals, None)
+    told = mending.fleet.tell("verify", "--all")
+    (one,) = [each for each in told["cases"] if each["case"] == place.case]
+    require([each["file"] for each in one["mended"]] == [vitals] and one["not_mended"] == [] and one["erased"] == [gone, rotten], f"told: {one}")
+    require(one["verdict"].startswith("intact") and "2 objects erased by the appliance and lost or damaged" in one["detail"], f"told: {one}")
+    require({path: place.versions(path) for path in before} == before, "what was erased was put again")
+    require(place.lock_of(vitals, place.versions(vitals)[0]) == ledger_was, "it is kept for longer than the ledger that closed the case")
+    # Nor by the appliance, whoever puts it back there.
+    (place.folder / gone).write_bytes((mending.replica / "or-1" / place.case / gone).read_bytes())
+    said = place.appliance.kiroku("ship", "--mend", place.case)
+    require(f"erased {gone}" in said and {path: place.versions(path) for path in before} == before, f"told: {said}")
+    (place.folder / gone).unlink()
 
 
 def an_appliance_mends_what_it_still_has(place):
@@ -588,7 +635,7 @@ def two_workers_mend_once(mending, place):
 
 def try_everything(programs, folder, store, connection):
     appliance = Appliance(programs, folder / "or-1", store.endpoint, BUCKET)
-    cases = [appliance.recorded(9), appliance.recorded(3)]
+    cases = [appliance.recorded(9), appliance.recorded(3), appliance.recorded(7)]
     appliance.kiroku("ship")
     mending = Mending(programs, folder / "fleet", store.endpoint, connection, appliance)
     for key in store.versions(BUCKET):
@@ -600,9 +647,10 @@ def try_everything(programs, folder, store, connection):
     require(mending.fleet.ask("init").returncode == 0, "init failed")
     mending.fleet.tell("index")
     disks = Disks(folder / "ceph")
-    first, second = (Place(store, disks, appliance, case) for case in cases)
+    first, second, third = (Place(store, disks, appliance, case) for case in cases)
     rot_is_mended_from_whichever_copy_fits(mending, first, folder)
     a_legal_hold_goes_on(mending, first)
+    what_was_erased_stays_away(mending, third)
     an_appliance_mends_what_it_still_has(second)
     the_page_plays_what_was_mended(programs, mending, first, folder)
     two_workers_mend_once(mending, first)

@@ -540,6 +540,62 @@ def what_is_held_stays_here_and_there(appliance, store):
     require("erased 2 segments" in appliance.kiroku(*erase), "released, and not erased")
 
 
+def a_day_passes(appliance):
+    """For what was confirmed of legal holds."""
+    for each in appliance.home.glob("shipping-*.sqlite"):
+        with contextlib.closing(sqlite3.connect(each)) as shipped, shipped:
+            shipped.execute("UPDATE hold_check SET at_us = at_us - 86400000000")
+
+
+def what_is_lifted_in_the_store_is_set_again(appliance, store):
+    case = appliance.recorded(2)
+    appliance.kiroku("hold", case, "--reason", "court order")
+    appliance.kiroku("ship")
+    require(all(holds(store, case).values()), "it is not held")
+    (segment,) = [each for each in holds(store, case) if each[0].endswith("endoscope/00000000.ts.age")]
+    off = appliance.home / "off"
+
+    def lift():
+        off.write_text("<LegalHold><Status>OFF</Status></LegalHold>")
+        store.send(f"recordings/{segment[0]}?legal-hold=&versionId={segment[1]}", off)
+        require(not holds(store, case)[segment], "the store did not lift it")
+
+    def found(words):
+        done = appliance.ask("ship", "--json")
+        told = json.loads(done.stdout)
+        require(done.returncode == 3 and len(told["lifted"]) == 1 and segment[0] in told["lifted"][0], f"{words}, it is not told: {told}")
+        require(all(holds(store, case).values()), f"{words}, it is not set again")
+        require(json.loads(appliance.kiroku("ship", "--json"))["lifted"] == [], f"{words}, it is told twice")
+
+    lift()
+    a_day_passes(appliance)
+    found("a day later")
+    entries = json.loads(appliance.kiroku("log", "--json"))["entries"]
+    said = [each["what"] for each in entries if each["type"] == "access" and each["case"] == case]
+    require(said == [f"found the legal hold of 1 object of the case lifted in the store, {segment[0]}, and set it again"], f"the log says {said}")
+    # Another hold of the case is a reason to look at once.
+    lift()
+    appliance.kiroku("hold", case, "--reason", "complaint")
+    found("with a second hold")
+    # The service says so in its journal.
+    lift()
+    a_day_passes(appliance)
+    with open(appliance.home / "journal", "w+", encoding="utf-8") as journal:
+        following = subprocess.Popen(appliance.command("ship", "--follow"), env=appliance.environment, stdout=subprocess.DEVNULL, stderr=journal)
+        eventually(lambda: all(holds(store, case).values()), "the service does not set it again")
+        following.send_signal(signal.SIGTERM)
+        require(following.wait(timeout=60) == 0, "it did not end")
+        journal.seek(0)
+        require(f"{segment[0]}, and set it again" in journal.read(), "the journal does not say so")
+    (appliance.home / "journal").unlink()
+    off.unlink()
+    for each in json.loads(appliance.kiroku("hold", "--list", "--json"))["holds"]:
+        if each["case"] == case:
+            appliance.kiroku("release", case, "--hold", str(each["hold"]), "--reason", "settled")
+    appliance.kiroku("ship")
+    require(not any(holds(store, case).values()), "the store holds what was released")
+
+
 def a_running_case_is_held(appliance, store):
     recording = appliance.record(12)
     following = subprocess.Popen(appliance.command("ship", "--follow"), env=appliance.environment, stdout=subprocess.DEVNULL)
@@ -673,7 +729,8 @@ def main():
                         a_running_case_goes_meanwhile, a_destroyed_appliances_case_reads_as_cut_off,
                         another_machine_gets_the_cases_back, another_device_states_what_a_lost_appliance_shipped,
                         an_appliance_of_the_same_name_is_told, another_store_has_another_list, locks_hold,
-                        what_the_store_holds_may_be_erased, what_is_held_stays_here_and_there, a_running_case_is_held, a_file_that_cannot_go_keeps_no_other_from_going,
+                        what_the_store_holds_may_be_erased, what_is_held_stays_here_and_there,
+                        what_is_lifted_in_the_store_is_set_again, a_running_case_is_held, a_file_that_cannot_go_keeps_no_other_from_going,
                         the_logs_tree_is_published_there, what_is_wrong_is_said):
             promise(appliance, store)
             print(f"holds: {promise.__name__.replace('_', ' ')}", flush=True)

@@ -123,6 +123,24 @@ TEST_F(Recovering, ErasesOneStreamAndTheRestStaysProved) {
   EXPECT_THAT(kiroku({"log"}).out, HasSubstr(R"(stream=endoscope  policy="room: at once")"));
 }
 
+// What its ledger states is done with is no only copy: an erasure that was cut off ends without the flag,
+// too.
+TEST_F(Recovering, AnErasureThatWasCutOffEndsWithoutAskingForCopiesAgain) {
+  const std::filesystem::path folder = record();
+  const std::string name = folder.filename().string();
+  const std::filesystem::path segment = folder / "segments/endoscope/00000000.ts.age";
+  const std::string kept = read_text(segment);
+  EXPECT_EQ(kiroku({"erase", name, "--stream", "endoscope", "--policy", "p"}).status, 1) << "its only copy";
+  EXPECT_EQ(kiroku({"erase", name, "--stream", "endoscope", "--policy", "p", "--only-copy"}).status, 0);
+  write_text(segment, kept);
+  EXPECT_THAT(kiroku({"erase", name, "--stream", "endoscope", "--policy", "p", "--dry-run"}).out,
+              HasSubstr("would erase endoscope"));
+  const ProcessResult again = kiroku({"erase", name, "--stream", "endoscope", "--policy", "p"});
+  EXPECT_EQ(again.status, 0) << again.err;
+  EXPECT_THAT(again.out, HasSubstr("removed 1 file of endoscope that an erasure had left which was cut off"));
+  EXPECT_FALSE(std::filesystem::exists(segment));
+}
+
 // The nightly erasure goes on where one folder is damaged, and says which.
 TEST_F(Recovering, OneDamagedCaseKeepsNothingFromBeingErasedInTheOthers) {
   const std::filesystem::path sound = record();

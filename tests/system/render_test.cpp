@@ -126,6 +126,12 @@ TEST_F(Render, LooksThroughAnEndoscope) {
              "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"
              "   data: [ -0.2, 0.02, 0., 0., 0. ]\n");
   EXPECT_NE(seen("1", {"--lens", "lens.yml"}), seen_first);
+  // The lens is not to blame where nothing lies before it.
+  const ProcessResult aside =
+      kiroku({"sim", "render", "ct.nrrd", "--mesh", "cube.msh", "--endoscope", "20", "--lens", "lens.yml",
+              "--size", "96x64", "--at", "90,5,5", "-o", "aside.png"});
+  EXPECT_REFUSED(aside, "axis meets no tissue");
+  EXPECT_THAT(aside.err, Not(HasSubstr("lens.yml")));
   const ProcessResult film = kiroku(
       {"plan", "replay", "plan.json", "--endoscope", "25", "--size", "96x64", "--gpu", "off", "-o", "film"});
   EXPECT_EQ(film.status, 0) << film.err;

@@ -84,7 +84,13 @@ const Departure* Alignment::departure_at(std::int64_t case_ns) const {
   if (!deformed || deformed->departures.empty()) return nullptr;
   const auto next = std::ranges::upper_bound(moments, case_ns, {}, &sim::AlignedMoment::time_ns);
   if (next == moments.begin() || case_ns - std::prev(next)->time_ns > kAlignedMostNs) return nullptr;
-  return &deformed->departures[static_cast<std::size_t>(next - moments.begin()) - 1];
+  const auto number = static_cast<std::size_t>(next - moments.begin()) - 1;
+  const std::optional<sim::AlignedMoment> place = at(case_ns);
+  const bool is_at_rest =
+      place && place->held() && deformed->moments[number].deformed() && !deformed_at(case_ns);
+  if (!is_at_rest) return &deformed->departures[number];
+  // Between two deformed shapes that nothing connects nobody looked at any.
+  return deformed->moments[number + 1].deformed() ? nullptr : &deformed->departures[number + 1];
 }
 
 std::optional<ShownDeformation> Alignment::shape_at(std::int64_t case_ns) const {

@@ -63,7 +63,8 @@ struct Alignment {
   /// that was not asked for.
   [[nodiscard]] std::optional<sim::WhyRigid> rigid_at(std::int64_t case_ns) const;
   /// Where the recording departs from the plan, in the picture of that time or the last one before it that
-  /// was looked at; nothing where none was, and where departures were not asked for.
+  /// was looked at. Where the organ was deformed in that one and is shown at rest since, the next one's, if
+  /// it was at rest there. Nothing elsewhere, and where departures were not asked for.
   [[nodiscard]] const Departure* departure_at(std::int64_t case_ns) const;
   /// The organ as it is seen in the picture of that time, deformed or at rest, so that departures can be
   /// drawn.

@@ -220,6 +220,17 @@ TEST(ObjectStore, ALegalHoldIsAskedForAndTold) {
               ThrowsMessage<StoreError>(HasSubstr("cannot lift the legal hold of a")));
 }
 
+TEST(ObjectStore, ALockIsSetAnewOnOneVersion) {
+  test::ScriptedServer server("HTTP/1.1 200 OK\r\nConnection: close\r\nContent-Length: 0\r\n\r\n");
+  ObjectStore store = store_at(endpoint_of(server));
+  store.set_retention("a", "v/1", *parse_utc("2036-11-23T15:00:00Z"));
+  EXPECT_THAT(server.last_request(), AllOf(HasSubstr("PUT /recordings/a?retention=&versionId=v%2F1"),
+                                           HasSubstr("x-amz-checksum-sha256: ")));
+  server.answer_with(refusal("403 Forbidden", "AccessDenied"));
+  EXPECT_THAT([&] { store.set_retention("a", "v1", *parse_utc("2036-11-23T15:00:00Z")); },
+              ThrowsMessage<StoreError>(HasSubstr("cannot lock a in")));
+}
+
 TEST(ObjectStore, HowFastItSendsIsAskedBeforeEachObject) {
   const test::ScriptedServer server(
       "HTTP/1.1 200 OK\r\nConnection: close\r\nContent-Length: 0\r\n"

@@ -36,6 +36,9 @@ TEST_F(ShippingListTest, RemembersWhatIsInTheStore) {
     list.set_hold("a", true);
     list.set_hold("b", true);
     list.set_hold("b", false);
+    EXPECT_FALSE(list.hold_check("a"));
+    list.set_hold_check("a", {"7", UtcTime(1h)});
+    list.set_hold_check("a", {"7,12", UtcTime(2h)});
     list.finish();
     EXPECT_FALSE(list.may_be_behind());
   }
@@ -54,6 +57,11 @@ TEST_F(ShippingListTest, RemembersWhatIsInTheStore) {
   EXPECT_EQ(list.hold("a"), true);
   EXPECT_EQ(list.hold("b"), false);
   EXPECT_EQ(list.hold("c"), std::nullopt);
+  const auto check = list.hold_check("a");
+  ASSERT_TRUE(check);
+  EXPECT_EQ(check->entries, "7,12");
+  EXPECT_EQ(check->at, UtcTime(2h));
+  EXPECT_FALSE(list.hold_check("b"));
   EXPECT_EQ(list.whole("another"), "");
   EXPECT_EQ(list.totals().objects, 1U);
   EXPECT_EQ(list.totals().bytes, 4711U);

@@ -129,6 +129,10 @@ TEST(VerifiedCases, WhatWasMendedIsToldAndWhatCouldNotBeNeedsAPerson) {
   EXPECT_EQ(verification_of(report, mending).detail,
             "1 object mended in the store; 1 object could not be mended");
   EXPECT_FALSE(verification_of(report, mending).alarm);
+  fleet::Mending without;
+  without.erased = {"segments/room/00000000.ts.age"};
+  EXPECT_EQ(verification_of(report, without).detail,
+            "1 object erased by the appliance and lost or damaged in the store, not put again");
   mending.more_left = 1'000;
   EXPECT_EQ(verification_of(report, mending).detail,
             "1 object mended in the store; 1001 objects could not be mended");

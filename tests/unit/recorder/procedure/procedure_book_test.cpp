@@ -2046,6 +2046,33 @@ TEST(ProcedureBook, AnAppointmentWhoseStatusIsNotKnownIsForAPersonToChoose) {
   EXPECT_EQ(found(book, kMorning), "a first");
 }
 
+// SIU^S14 with SCH-25 empty changes what it names, and says nothing of the status.
+TEST(ProcedureBook, AChangeThatSaysNoStatusTakesNothingOffAWaitingList) {
+  ProcedureMessage waiting = booked(planned("a", "first", kMorning));
+  waiting.is_status_unclear = true;
+  ProcedureBook book;
+  book.take(waiting, kMorning - 1h);
+  book.take(booked(planned("b", "second", kMorning + 6min)), kMorning - 1h);
+  ProcedureMessage change = planned("a", "first", kMorning);
+  change.books = false;
+  change.says_no_status = true;
+  ProcedureBook silent = book;
+  silent.take(change, kMorning - 30min);
+  EXPECT_EQ(doubt(silent, kMorning), Doubt::kStatusUnclear);
+  EXPECT_EQ(doubt(ProcedureBook::imported(silent.exported()), kMorning), Doubt::kStatusUnclear);
+  silent.take(change, kMorning - 20min);
+  EXPECT_EQ(doubt(silent, kMorning), Doubt::kStatusUnclear) << "nor does a second one";
+  // A booking without a status is one, and so is a change that says so.
+  ProcedureBook anew = book;
+  ProcedureMessage booking = booked(planned("a", "first", kMorning));
+  booking.says_no_status = true;
+  anew.take(booking, kMorning - 30min);
+  EXPECT_EQ(found(anew, kMorning), "a first");
+  change.says_no_status = false;
+  book.take(change, kMorning - 30min);
+  EXPECT_EQ(found(book, kMorning), "a first");
+}
+
 // Its clock may be wrong, or it comes late.
 TEST(ProcedureBook, AnEventFromBeforeAnotherSystemSawThemOffBringsNobodyBack) {
   for (const bool is_discharged : {false, true}) {

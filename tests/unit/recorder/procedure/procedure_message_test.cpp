@@ -334,6 +334,17 @@ TEST(ProcedureMessage, AStatusThatIsNotKnownIsUnclear) {
     EXPECT_TRUE(is_unclear(status)) << status;
 }
 
+TEST(ProcedureMessage, WhetherAStatusIsSaidIsToldApart) {
+  const auto says_none = [](const std::string& status) {
+    std::string text = kAppointment;
+    text.insert(text.find('\r', text.find("SCH|")), std::string(14, '|') + status);
+    return read(text).says_no_status;
+  };
+  EXPECT_TRUE(says_none(""));
+  EXPECT_FALSE(says_none("Booked"));
+  EXPECT_FALSE(says_none("Waitlist"));
+}
+
 TEST(ProcedureMessage, TakesTheTimeOfTheSenderOrTheAssumedZone) {
   const auto planned = [](const std::string& time) {
     return read("MSH|^~\\&|A||||2026||SIU^S12|1|P|2.5\rPID|1||7\rTQ1|1||||||" + time + "\r");

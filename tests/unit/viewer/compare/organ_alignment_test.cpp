@@ -483,6 +483,48 @@ TEST(Alignment, OfTenMinutesOfTheMostVariousDeformationsMakesADocumentThatIsStil
   EXPECT_NO_THROW((void)read_provenance(text, "ten minutes"));
 }
 
+// A pulled organ's departures drawn on one that is shown at rest would be of no picture.
+TEST(Alignment, SaysOfAnOrganAtRestNoDepartureOfADeformedOne) {
+  constexpr std::size_t kNodes = 4;
+  struct Looked {
+    std::optional<std::int64_t> since;  // deformed since then; else at rest
+    bool held = true;
+  };
+  const auto alignment_of = [&](const Looked& first, const Looked& second) {
+    Alignment alignment;
+    DeformedAlignment& deformed = alignment.deformed.emplace(kNodes);
+    alignment.surface.nodes.assign(kNodes, sim::Vector3::Zero());
+    for (const Looked& each : {first, second}) {
+      sim::AlignedMoment moment;
+      moment.time_ns = std::int64_t(alignment.moments.size()) * kAlignedEveryNs;
+      moment.why = each.held ? sim::WhyLost::kNotLost : sim::WhyLost::kNoOrgan;
+      alignment.moments.push_back(moment);
+      Deformation shape;
+      shape.why = each.since ? sim::WhyRigid::kDeformed : sim::WhyRigid::kWithinError;
+      shape.rest_ns = each.since.value_or(0);
+      shape.told.assign(kNodes, true);
+      deformed.moments.push_back(shape);
+      deformed.departures.emplace_back();
+    }
+    return alignment;
+  };
+  // Which moment's departure is said between the two; -1: none.
+  const auto said = [&](const Looked& first, const Looked& second) {
+    const Alignment alignment = alignment_of(first, second);
+    const Departure* departure = alignment.departure_at(kAlignedEveryNs / 2);
+    return departure == nullptr ? -1 : departure - alignment.deformed->departures.data();
+  };
+  EXPECT_EQ(said({0}, {0}), 0);
+  EXPECT_EQ(said({}, {}), 0);
+  EXPECT_EQ(said({}, {0}), 0);
+  EXPECT_EQ(said({0}, {}), 1) << "it is shown at rest, as it is in the second";
+  EXPECT_EQ(said({0}, {kAlignedEveryNs}), -1) << "nothing connects the two shapes";
+  EXPECT_EQ(said({0}, {.since = {}, .held = false}), 0) << "it is not shown";
+  const Alignment alignment = alignment_of({0}, {});
+  EXPECT_EQ(alignment.departure_at(0), &alignment.deformed->departures[0]);
+  EXPECT_EQ(alignment.departure_at(kAlignedEveryNs), &alignment.deformed->departures[1]);
+}
+
 TEST(DisplacementFields, GiveBackWhatTheyTookWithinTheirStatedError) {
   constexpr std::size_t kNodes = 50;
   DisplacementFields fields(kNodes);

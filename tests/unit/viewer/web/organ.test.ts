@@ -424,6 +424,26 @@ describe('A departure from the plan', () => {
     expect(departureAt({ ...document, moments: [compared(0, { ...far, beyond: 0.04 })] }, 0)).toMatchObject({ departed: false });
   });
 
+  it('is never a deformed shape’s on an organ that is shown at rest', () => {
+    const since = (at: number, since_ns: number): Moment => ({
+      ...compared(at, far),
+      deformed: { since_ns, standard_error_mm: 2, largest_mm: 10, eye_m: [0, -0.2, 0], view_axes: turned(0), weights_mm: [10] },
+    });
+    const fields = { pictures: 2, largest_mm: 20, scale_mm: 20, fields: [[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1]] };
+    const told = (moments: Moment[], time_ns: number) => departureAt({ ...document, moments, deformed: fields }, time_ns);
+    const deformed = since(0, 0);
+    expect(told([deformed, compared(1)], 0)).toMatchObject({ departed: true });
+    expect(told([deformed, compared(1)], kTenth / 2)).toMatchObject({ departed: false, error_mm: 1.5 });
+    expect(told([deformed, { ...placed(1), rigid: 'unfitted', no_departure: 'rigid' }], kTenth / 2)).toBe('rigid');
+    // The organ is at rest in both, or deformed from the one to the other.
+    expect(told([compared(0), since(1, 0)], kTenth / 2)).toMatchObject({ departed: false });
+    expect(told([deformed, since(1, 0)], kTenth / 2)).toMatchObject({ departed: true });
+    // Two shapes that nothing connects.
+    expect(told([deformed, since(1, kTenth)], kTenth / 2)).toBeUndefined();
+    // A lost organ is not drawn; what was said last stays.
+    expect(told([deformed, lost(1)], kTenth / 2)).toMatchObject({ departed: true });
+  });
+
   it('is coloured where it is beyond its error, and grey elsewhere', () => {
     const mesh = outlineMesh(document.surface);
     const found = organAt(document, 0);

@@ -2,7 +2,8 @@
 // document. Pure; as viewer/compare/departure.cpp, which has the last word.
 import type { ComparedStep, OrganAlignment } from '@/api/types';
 import { lastAtOrBefore } from '@/base/spans';
-import { kMostApart_ns, kSame_ns } from '@/compare/organ_place';
+import { kMostApart_ns, kSame_ns, organAt } from '@/compare/organ_place';
+import { organShapeAt } from '@/compare/organ_shape';
 import { inOrderDone } from '@/compare/plan_map';
 
 const kAlphabet = 'ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/';
@@ -32,11 +33,17 @@ function sharesOf(text: string | undefined, count: number): Float64Array {
   return shares;
 }
 
-/** In the picture of that time, or the last one before it that was looked at: a departure, why a shape that is known was not compared, or nothing. */
+/** In the picture of that time, or the last one before it that was looked at: a departure, why a shape that is known was not compared, or nothing. Where the
+ * organ was deformed in that one and is shown at rest since, it is the next one's, if it was at rest there. */
 export function departureAt(alignment: OrganAlignment, time_ns: number): OrganDeparture | string | undefined {
   if (!alignment.departure) return undefined;
-  const moment = alignment.moments[lastAtOrBefore(alignment.moments, time_ns + kSame_ns, (one) => one.time_ns)];
-  if (!moment || time_ns - moment.time_ns > kMostApart_ns) return undefined;
+  const at = lastAtOrBefore(alignment.moments, time_ns + kSame_ns, (one) => one.time_ns);
+  const before = alignment.moments[at];
+  if (!before || time_ns - before.time_ns > kMostApart_ns) return undefined;
+  const isBetween = Math.abs(before.time_ns - time_ns) > kSame_ns;
+  const isAtRest = isBetween && before.deformed && organAt(alignment, time_ns)?.is === 'placed' && !organShapeAt(alignment, time_ns);
+  const moment = isAtRest ? alignment.moments[at + 1] : before;
+  if (!moment || (isAtRest && moment.deformed)) return undefined;
   const { departure } = moment;
   if (!departure) return moment.no_departure;
   return {
