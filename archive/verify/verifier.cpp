@@ -90,7 +90,11 @@ class CaseVerification {
   void walk(const ReadableFile& ledger) {
     const std::optional<OpenEntry> open = read_opening(ledger);
     if (open) {
-      files_.also_hash(further_hashes_of_case(folder_, open->case_id, options_));
+      std::vector<crypto::HashAlgorithm> further = further_hashes_of_case(folder_, open->case_id, options_);
+      for (const crypto::HashAlgorithm algorithm : options_.further_hashes) {
+        if (std::ranges::find(further, algorithm) == further.end()) further.push_back(algorithm);
+      }
+      files_.also_hash(std::move(further));
     }
     const LogBeside log = read_log_beside(options_, open, by_log_);
     walked_log_ = log.walked;
@@ -338,6 +342,7 @@ class CaseVerification {
     report.bytes = bytes_in(listing_) - left_.bytes;
     report.left_by_systems = left_.files;
     report.contents = files_.contents();
+    if (options_.further_hashes_taken != nullptr) *options_.further_hashes_taken = files_.further_hashes();
     report.brackets = rules_.tokens().brackets(0, tree_.size());
     report.clocks = rules_.tokens().clocks();
     take_log_findings(by_log_, options_, findings_);
