@@ -36,6 +36,8 @@ constexpr std::size_t kMostUnfit = 10'000;
 /// streams have 3 MB.
 constexpr std::uint64_t kLargestLedger = std::uint64_t{32} << 20;
 constexpr std::string_view kGrowing = "growing/";
+/// Whether segments come, too.
+enum class Segments { kCome, kStay };
 constexpr std::string_view kLog = "log";  // an appliance's, beside its cases
 
 /// Names of files below a case's folder, as the store tells them: nothing may lead out of it.
@@ -105,13 +107,14 @@ class NewFile {
 class Fetching {
  public:
   Fetching(ObjectStore& store, std::string prefix, std::string case_id, fs::path folder, WhichVersions which,
-           UnreadableObjects unreadable = UnreadableObjects::kThrow)
+           UnreadableObjects unreadable = UnreadableObjects::kThrow, Segments segments = Segments::kCome)
       : store_(store),
         prefix_(std::move(prefix)),
         case_id_(std::move(case_id)),
         folder_(std::move(folder)),
         which_(which),
-        unreadable_(unreadable) {}
+        unreadable_(unreadable),
+        segments_(segments) {}
 
   /// Its ledger alone; whether there is one.
   bool run_ledger() {
@@ -151,6 +154,8 @@ class Fetching {
     for (const auto& [path, versions] : versions_) {
       if (path == archive::kLedgerFile) {
         take_ledger(versions);
+      } else if (stays(path)) {
+        leave_in_store(path, versions);
       } else {
         take(path, of_first_choice(versions));
       }
@@ -211,7 +216,9 @@ class Fetching {
   void require_room() {
     std::uint64_t needed = 0;
     const auto add = [&](std::uint64_t bytes) { needed += std::min(bytes, UINT64_MAX - needed); };
-    for (const auto& each : versions_) add(of_first_choice(each.second).bytes);
+    for (const auto& each : versions_) {
+      if (!stays(each.first)) add(of_first_choice(each.second).bytes);
+    }
     for (const auto& each : parts_) add(each.second.bytes);
     std::error_code unknown;
     const fs::space_info space = fs::space(folder_.parent_path(), unknown);
@@ -247,6 +254,15 @@ class Fetching {
     } catch (const Error&) {
       return false;
     }
+  }
+
+  [[nodiscard]] bool stays(const std::string& path) const {
+    return segments_ == Segments::kStay && path.starts_with(std::string(archive::kSegmentsFolder) + "/");
+  }
+  void leave_in_store(const std::string& path, const std::vector<ListedVersion>& versions) {
+    make_folders((folder_ / path).parent_path());
+    NewFile(folder_ / path, O_TRUNC).finish();
+    result_.in_store[path].versions = versions;
   }
 
   void take(const std::string& path, const ListedVersion& version) {
@@ -370,6 +386,10 @@ class Fetching {
       if (!versions_.contains(path) && (!may_be_there || result_.unfit.size() >= kMostUnfit)) return;
       // What the first line says counts: others may stand behind all that the device signed.
       if (!wanted_.insert(path).second) return;
+      if (const auto left = result_.in_store.find(path); left != result_.in_store.end()) {
+        left->second.sha256 = sha256;
+        return;
+      }
       const auto taken = hashes_.find(path);
       if (taken != hashes_.end() && taken->second == crypto::to_hex(sha256)) return;
       const std::uint64_t most = bytes ? UINT64_MAX : archive::kMaximumTokenBytes;
@@ -435,6 +455,7 @@ class Fetching {
   const fs::path folder_;
   const WhichVersions which_;
   const UnreadableObjects unreadable_;
+  const Segments segments_;
   std::uint64_t listed_ = 0;
   bool ledger_chosen_ = false;  // by the case that it names, and not as the first choice
   std::map<std::string, std::vector<ListedVersion>> versions_;  // by the file's name, newest first
@@ -446,7 +467,8 @@ class Fetching {
 
 FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::string& name,
                   const fs::path& into, WhichVersions which,
-                  UnreadableObjects unreadable = UnreadableObjects::kThrow) {
+                  UnreadableObjects unreadable = UnreadableObjects::kThrow,
+                  Segments segments = Segments::kCome) {
   const fs::path folder = into / name, part = into / (".fetching-" + name);
   if (std::error_code ignored; fs::exists(fs::symlink_status(folder, ignored))) {
     throw UsageError(folder.string() + " is there already: give another folder with -o");
@@ -454,11 +476,17 @@ FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::s
   std::error_code failed;
   fs::remove_all(part, failed);
   if (failed) throw IoError("remove", part, failed.value());
-  FetchedCase result = Fetching(store, appliance + "/", name, part, which, unreadable).run();
+  FetchedCase result = Fetching(store, appliance + "/", name, part, which, unreadable, segments).run();
   fs::rename(part, folder, failed);
   if (failed) throw IoError("rename", part, failed.value());
   result.folder = folder;
   return result;
+}
+
+void require_case_id(const std::string& case_id) {
+  if (!archive::is_case_id(case_id)) {
+    throw UsageError("'" + printable(case_id) + "' is no case identifier such as 20260805T091502Z-3f9c21ab");
+  }
 }
 
 /// What other devices stated of the case, beside its folder. Nobody names these files by a hash. What was put
@@ -530,12 +558,17 @@ bool fetch_ledger(ObjectStore& store, const std::string& appliance, const std::s
 
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
                        const fs::path& into, WhichVersions which, UnreadableObjects unreadable) {
-  if (!archive::is_case_id(case_id)) {
-    throw UsageError("'" + printable(case_id) + "' is no case identifier such as 20260805T091502Z-3f9c21ab");
-  }
+  require_case_id(case_id);
   FetchedCase fetched = fetch(store, appliance, case_id, into, which, unreadable);
   fetch_statements(store, appliance, case_id, fetched);
   return fetched;
+}
+
+FetchedCase fetch_case_without_segments(ObjectStore& store, const std::string& appliance,
+                                        const std::string& case_id, const fs::path& into) {
+  require_case_id(case_id);
+  return fetch(store, appliance, case_id, into, WhichVersions::kNewest, UnreadableObjects::kThrow,
+               Segments::kStay);
 }
 
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const fs::path& into) {

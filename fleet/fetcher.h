@@ -28,6 +28,12 @@ struct UnfitFile {
   bool older_fits = false;  // an older version is what the ledger names, and was taken
 };
 
+/// A segment that was left in the store: its place in the folder has an empty file.
+struct SegmentInStore {
+  std::vector<ListedVersion> versions;           // that may be it; the one that was chosen in front
+  std::optional<crypto::Sha256Digest> sha256{};  // as the ledger has it
+};
+
 struct FetchedCase {
   std::filesystem::path folder;
   std::uint64_t objects = 0, bytes = 0;
@@ -40,6 +46,7 @@ struct FetchedCase {
   bool ledger_is_older = false;
   /// What was left out as the store lists it and does not give it, by its path, and why.
   std::map<std::string, std::string> unreadable;
+  std::map<std::string, SegmentInStore> in_store;  // by the path, of fetch_case_without_segments()
 };
 /// Whether a store may have a file of a case by that path: else it is neither sought nor put.
 bool may_be_file_of_case(std::string_view path);
@@ -59,6 +66,10 @@ enum class UnreadableObjects { kThrow, kLeaveOut };
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
                        const std::filesystem::path& into, WhichVersions which = WhichVersions::kNewest,
                        UnreadableObjects unreadable = UnreadableObjects::kThrow);
+
+/// Likewise, but that segments stay in the store, and that nothing comes that other devices stated.
+FetchedCase fetch_case_without_segments(ObjectStore& store, const std::string& appliance,
+                                        const std::string& case_id, const std::filesystem::path& into);
 
 /// Likewise `into`/log, an appliance's log as far as it is in the store.
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const std::filesystem::path& into);

@@ -32,8 +32,11 @@ void require_held(ObjectStore& store, const std::string& key, const std::string&
   const std::optional<StoredObject> told = store.look(key, version);
   crypto::Sha256 read;
   if (told) store.get(key, version, hash.bytes, [&](ByteView bytes) { read.update(bytes); });
-  if (!told || told->bytes != hash.bytes || read.finish() != hash.sha256 || !told->compliance ||
-      !told->lock_ends || *told->lock_ends < std::chrono::floor<std::chrono::seconds>(*lock.ends) ||
+  const auto is_locked = [&] {
+    return told->compliance && told->lock_ends &&
+           *told->lock_ends >= std::chrono::floor<std::chrono::seconds>(*lock.ends);
+  };
+  if (!told || told->bytes != hash.bytes || read.finish() != hash.sha256 || (lock.ends && !is_locked()) ||
       (lock.legal_hold && !told->legal_hold))
     throw Error("the store took " + key +
                 ", and does not hold it as it was put: its locks or its disks cannot be relied on");

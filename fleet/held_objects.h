@@ -15,7 +15,8 @@ namespace kiroku::fleet {
 /// StoreError.
 PutLock longest_lock(ObjectStore& store, const std::vector<std::string>& keys);
 
-/// Throws kiroku::Error where the store does not hold a version, read back, as it was put. Throws StoreError.
+/// Throws kiroku::Error where the store does not hold a version, read back, as it was put: without
+/// `lock.ends` no lock is asked about. Throws StoreError.
 void require_held(ObjectStore& store, const std::string& key, const std::string& version,
                   const crypto::FileHash& hash, const PutLock& lock);
 

@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/printable.h"
 #include "fleet/fetcher.h"
+#include "fleet/stored_records.h"
 
 namespace kiroku::apps {
 
@@ -84,10 +85,15 @@ archive::VerificationReport StoredJudge::judge(const std::string& appliance, con
   judging.devices = {key.string()};
   for (const fs::path& each : configuration_.trust) judging.trust.push_back(each.string());
   for (const fs::path& each : configuration_.own_authority) judging.own_authority.push_back(each.string());
-  const fleet::FetchedCase there = fetched(appliance, case_id, key);
-  judging.log = log_of(appliance, changed).string();
+  if (const auto policy = configuration_.policy_file()) judging.policy = policy->string();
   const VerifyExtras none;
-  archive::VerificationReport report = Judge(judging, none).judge(there.folder).report;
+  const Judge judge(judging, none);
+  fleet::FetchedCase there = fetched(appliance, case_id, key);
+  judge.with_rules(there.folder, [&](const evidence::JudgingRules& rules) {
+    fleet::fetch_record(store_, appliance, case_id, rules, there);
+  });
+  judging.log = log_of(appliance, changed).string();
+  archive::VerificationReport report = judge.judge(there.folder).report;
   fs::remove_all(there.folder.parent_path());
   return report;
 }
