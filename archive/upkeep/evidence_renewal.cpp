@@ -7,8 +7,8 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/verify/case_evidence.h"
+#include "archive/verify/hashing_verifier.h"
 #include "archive/verify/record_choice.h"
-#include "archive/verify/verifier.h"
 #include "base/error.h"
 
 namespace kiroku::archive {
@@ -295,16 +295,15 @@ class EvidenceRenewer {
   /// hash to under all that is asked for next, so that each of them is read once: by the policy's new hash,
   /// and by those of `record`, which may be null.
   FileHashes require_sound(const CaseFolder& folder, const EvidenceRecord* record) const {
-    FileHashes taken;
+    AlsoHash also;
     VerifyOptions options;
     options.trust = options_.trust;
     options.files = &case_of(results_.size() - 1).files();
     options.now = options_.now();
-    options.further_hashes_taken = &taken;
-    add_hash(options.further_hashes, options_.policy.new_hash());
+    add_hash(also.algorithms, options_.policy.new_hash());
     for (std::size_t i = 0; record != nullptr && i < record->chains.size(); ++i)
-      add_hash(options.further_hashes, evidence::hash_of_chain(record->chains[i]));
-    const VerificationReport report = verify_case(folder.path(), options);
+      add_hash(also.algorithms, evidence::hash_of_chain(record->chains[i]));
+    const VerificationReport report = verify_case(folder.path(), options, also);
     const Finding* first = nullptr;
     const Finding* open = nullptr;
     std::vector<std::string> unread;
@@ -322,7 +321,7 @@ class EvidenceRenewer {
           std::move(unread));
     }
     if (open != nullptr) throw StillOpen(open->text);
-    return taken;
+    return std::move(also.taken);
   }
 
   /// Throws where the record does not hold a note of its case: then it is another's. Returns the size of the

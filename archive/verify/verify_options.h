@@ -10,7 +10,6 @@
 
 #include "archive/format/file_reading.h"
 #include "archive/format/ledger_entry.h"
-#include "archive/verify/case_data.h"
 #include "crypto/age_recipient.h"
 #include "crypto/byte_source.h"
 #include "crypto/signed_note.h"
@@ -65,10 +64,6 @@ struct VerifyOptions {
   /// How the case's own folder is read, or the log's that is verified alone; null: as the operating system
   /// does. Must outlive the verification.
   const FileReading* files = nullptr;
-  /// Files of a case are hashed under these, too, while they are checked; what they hash to comes into
-  /// `further_hashes_taken` where that is not null, also under the hashes of the case's evidence record.
-  std::vector<crypto::HashAlgorithm> further_hashes = {};
-  FileHashes* further_hashes_taken = nullptr;
   std::function<void(std::uint64_t done_bytes, std::uint64_t total_bytes)>
       progress;  // from any thread, serialised
 };
