@@ -73,6 +73,7 @@ class StoredRenewableCase final : public archive::RenewableCase {
   [[nodiscard]] std::string record_place(const std::string& case_id) const override;
   std::vector<Bytes> read_records(const std::string& case_id) override;
   [[nodiscard]] bool is_known_to_hold(const crypto::Sha256Digest& record) const override;
+  [[nodiscard]] bool keeps_all_records() const override { return true; }
   void write_record(const std::string& case_id, ByteView record) override;
   void let_go() override;
 

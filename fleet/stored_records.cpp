@@ -62,7 +62,13 @@ std::vector<Bytes> stored_records(ObjectStore& store, const std::string& applian
 
 void fetch_record(ObjectStore& store, const std::string& appliance, const std::string& case_id,
                   const evidence::JudgingRules& rules, FetchedCase& fetched) {
-  const std::vector<Bytes> records = stored_records(store, appliance, case_id);
+  std::vector<Bytes> records;
+  try {
+    records = stored_records(store, appliance, case_id);
+  } catch (const StoreError& error) {
+    if (error.passes()) throw;
+    fetched.remarks.push_back(std::string("its evidence records were not had: ") + error.what());
+  }
   if (records.empty()) return;
   std::size_t chosen = 0;
   if (records.size() > 1) {

@@ -22,7 +22,8 @@ std::vector<Bytes> stored_records(ObjectStore& store, const std::string& applian
                                   const std::string& case_id);
 
 /// Brings the record that counts (archive/verify/record_choice.h, by `rules`) to where kiroku-verify looks
-/// for it beside the fetched case. Another one that lies there already stays, and a remark says so. Throws
+/// for it beside the fetched case. Another one that lies there already stays, and a
+/// remark says so; so does one of records that the store refuses. Throws
 /// StoreError, kiroku::Error, kiroku::IoError.
 void fetch_record(ObjectStore& store, const std::string& appliance, const std::string& case_id,
                   const evidence::JudgingRules& rules, FetchedCase& fetched);

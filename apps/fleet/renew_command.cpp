@@ -41,7 +41,7 @@ constexpr int kMostExtensions = 7 * 24 * 60 * 4;
 struct Request {
   std::string configuration;
   std::optional<std::string> scratch, policy;
-  bool dry_run = false, take_in = false, all = false, json = false;
+  bool dry_run = false, take_in = false, begin_anew = false, all = false, json = false;
 };
 
 /// Authorities as [[authority]] of the fleet names them.
@@ -103,8 +103,9 @@ class RenewalWorker {
     if (policy_) options_.policy = read_policy(*policy_);
     options_.dry_run = request.dry_run;
     options_.take_in = request.take_in;
+    options_.begin_anew = request.begin_anew;
     due_ = {board_.now(), configuration.settles, rules_, configuration.evidence.look_every,
-            request.all || request.take_in};
+            request.all || request.take_in || request.begin_anew};
     if (request.dry_run) return;
     if (configuration.authorities.empty()) {
       throw UsageError(configuration.file.string() +
@@ -165,23 +166,30 @@ class RenewalWorker {
     return true;
   }
 
-  void look(const std::vector<fleet::RenewalTurn>& turns, const std::string& holder) {
+  void look(const std::vector<fleet::RenewalTurn>& all, const std::string& holder) {
     fleet::RenewalBatch batch{store_, scratch_.path(), [] { return told_to_end(); }};
     std::vector<std::unique_ptr<archive::RenewableCase>> cases;
-    for (const fleet::RenewalTurn& turn : turns) {
-      // Whoever may write the catalogue's rows names no folder here.
+    std::vector<fleet::RenewalTurn> turns;
+    for (const fleet::RenewalTurn& turn : all) {
+      // Whoever may write the catalogue's rows names no folder here, and keeps no other case back.
       if (!archive::is_short_name(turn.appliance) || !archive::is_case_id(turn.case_id)) {
-        throw UsageError("the catalogue has '" + printable(turn.case_id) + "' of '" +
-                         printable(turn.appliance) + "', which names no case: nothing was looked at");
+        EvidenceRenewal none;
+        none.case_id = turn.case_id;
+        none.text = "the catalogue has it of '" + printable(turn.appliance) + "', which names no case";
+        finish(turn, holder, none);
+        continue;
       }
+      turns.push_back(turn);
       cases.push_back(std::make_unique<fleet::StoredRenewableCase>(batch, turn.appliance, turn.case_id,
                                                                    digest_of(turn.record)));
     }
     const std::vector<EvidenceRenewal> results = archive::renew_evidence(cases, options_);
-    for (std::size_t i = 0; i < results.size(); ++i) {
-      tell(turns[i].appliance, results[i]);
-      if (!request_.dry_run) enter(turns[i], holder, results[i]);
-    }
+    for (std::size_t i = 0; i < results.size(); ++i) finish(turns[i], holder, results[i]);
+  }
+
+  void finish(const fleet::RenewalTurn& turn, const std::string& holder, const EvidenceRenewal& result) {
+    tell(turn.appliance, result);
+    if (!request_.dry_run) enter(turn, holder, result);
   }
 
   void tell(const std::string& appliance, const EvidenceRenewal& result) {
@@ -271,6 +279,8 @@ void add_fleet_renew_command(Command& program) {
                "says what would be done and why; asks no authority, writes nothing, reads no recording");
   command.flag("--take-in", request->take_in,
                "also renews records that do not cover the newest entries of their case, and covers them");
+  command.flag("--begin-anew", request->begin_anew,
+               "also begins a record for cases of which no record holds; the others stay beside it");
   command.flag("--all", request->all, "looks at every closed case, whatever was found before");
   command.option("--scratch", "DIR", request->scratch, "where a ledger and some segments have room",
                  "the folder for temporary files");

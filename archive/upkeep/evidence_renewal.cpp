@@ -24,6 +24,11 @@ class StillOpen : public Error {
  public:
   using Error::Error;
 };
+/// No record of the case holds, or none is known to.
+class NoneHolds : public Error {
+ public:
+  using Error::Error;
+};
 class Unread : public Error {
  public:
   Unread(const std::string& sentence, std::vector<std::string> of_files)
@@ -173,9 +178,22 @@ class EvidenceRenewer {
     work.file = of.record_place(result.case_id);
     work.answer = results_.size() - 1;
     const std::optional<Bytes> bytes = read_record(of, opened);
-    if (!bytes) return begin(opened, std::move(work));
-    evidence::RecordParse parse = evidence::parse_record(*bytes);
-    if (!parse.record) throw Error(work.file + " is no evidence record: " + parse.explanation);
+    if (!bytes) return begin(opened, std::move(work), "it had no record");
+    try {
+      renew(opened, *bytes, work);
+    } catch (const NoneHolds& error) {
+      if (!options_.begin_anew || !of.keeps_all_records()) throw;
+      result.before.reset();
+      result.holds.reset();
+      result.later_entries = 0;
+      begin(opened, std::move(work), error.what());
+    }
+  }
+
+  void renew(const CaseFolder& opened, const Bytes& bytes, EvidenceWork work) {
+    EvidenceRenewal& result = results_.back();
+    evidence::RecordParse parse = evidence::parse_record(bytes);
+    if (!parse.record) throw NoneHolds(work.file + " is no evidence record: " + parse.explanation);
     const evidence::RecordJudgement alone = evidence::judge_record(*parse.record, {}, rules());
     if (!alone.problems.empty()) refuse_unless_it_holds(work.file, alone);
     work.outside = alone.outside();
@@ -186,7 +204,7 @@ class EvidenceRenewer {
       const std::uint64_t newest = require_note(opened, *parse.record, work.file);
       result.later_entries = count_later(opened, *parse.record, newest);
       if (options_.take_in && result.later_entries > 0) {
-        take_in(opened, std::move(*parse.record), std::move(work), bytes->size());
+        take_in(opened, std::move(*parse.record), std::move(work), bytes.size());
         return;
       }
       result.what = What::kNothingDue;
@@ -195,7 +213,7 @@ class EvidenceRenewer {
       CaseData data = read_case_data(opened);
       result.later_entries = count_later(opened, data, *parse.record);
       if (options_.take_in && result.later_entries > 0) {
-        take_in(opened, std::move(*parse.record), std::move(work), bytes->size());
+        take_in(opened, std::move(*parse.record), std::move(work), bytes.size());
         return;
       }
       result.what = What::kTimeStampRenewed;
@@ -207,19 +225,19 @@ class EvidenceRenewer {
       result.what = What::kHashTreeRenewed;
       require_new_hash(alone.data_hash_end);
       hash_anew(opened, std::move(*parse.record), std::move(work));
-      held_ += 2 * bytes->size();
+      held_ += 2 * bytes.size();
     } else {
       refuse_record(work.file, due.reason);
     }
   }
 
-  void begin(const CaseFolder& folder, EvidenceWork work) {
+  void begin(const CaseFolder& folder, EvidenceWork work, const std::string& why) {
     EvidenceRenewal& result = results_.back();
     const CaseData data = read_case_data(folder);
     if (!data.close) throw StillOpen("it is being recorded, or was not closed");
     require_new_hash({});
     result.what = What::kBegun;
-    result.text = "it had no record";
+    result.text = why;
     if (options_.dry_run) return;
     const FileHashes taken = require_sound(folder, nullptr);
     work.data = hash_data(folder, data, {}, taken);
@@ -249,20 +267,23 @@ class EvidenceRenewer {
     hashed_.push_back(std::move(work));
   }
 
-  [[noreturn]] static void refuse_record(const std::string& file, const std::string& why) {
-    throw Error(file + " does not hold: " + why +
-                "; see whether the policy and the roots are the right ones, and find out what became of it; "
-                "to have a new one begun, keep this one elsewhere");
+  [[noreturn]] void refuse_record(const std::string& file, const std::string& why) const {
+    const bool stays = case_of(results_.size() - 1).keeps_all_records();
+    throw NoneHolds(file + " does not hold: " + why +
+                    "; see whether the policy and the roots are the right ones, and find out what became of "
+                    "it; to have a new one begun" +
+                    (stays ? " beside it, renew with --begin-anew" : ", keep this one elsewhere"));
   }
   /// A record that could not be checked may hold: it is the only proof of the years before, and whoever moves
   /// it away loses them.
   [[noreturn]] static void leave_unchecked(const std::string& file, const std::string& why) {
-    throw Error("whether " + file + " holds could not be checked: " + why +
-                "; leave it where it is until that is known: as a rule a root of its authority is missing in "
-                "trust.pem, or this machine's clock is wrong");
+    throw NoneHolds(
+        "whether " + file + " holds could not be checked: " + why +
+        "; leave it where it is until that is known: as a rule a root of its authority is missing in "
+        "trust.pem, or this machine's clock is wrong");
   }
-  [[noreturn]] static void refuse_unless_it_holds(const std::string& file,
-                                                  const evidence::RecordJudgement& judged) {
+  [[noreturn]] void refuse_unless_it_holds(const std::string& file,
+                                           const evidence::RecordJudgement& judged) const {
     const evidence::Standing standing = judged.standing();
     const auto worst = std::ranges::find(judged.problems, standing, &evidence::Problem::standing);
     // One that lapsed proves nothing any more, whatever is looked at.

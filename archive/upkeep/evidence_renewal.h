@@ -39,7 +39,10 @@ class RenewableCase {
   virtual std::vector<Bytes> read_records(const std::string& case_id) = 0;
   /// Whether all that a record covers was compared with the case before, or it was made for it.
   [[nodiscard]] virtual bool is_known_to_hold(const crypto::Sha256Digest& /*record*/) const { return false; }
-  /// Durable when it returns; the record before it is not lost. Throws kiroku::Error, RenewalWaits.
+  /// Whether every record stays that was ever there. Only then one may be begun beside one that does not
+  /// hold.
+  [[nodiscard]] virtual bool keeps_all_records() const { return false; }
+  /// Durable when it returns. Throws kiroku::Error, RenewalWaits.
   virtual void write_record(const std::string& case_id, ByteView record) = 0;
   /// Nothing but its record is read any more. Throws RenewalWaits where what could not be read before says
   /// nothing of the case: then nothing that was found of it counts.
@@ -61,6 +64,8 @@ struct EvidenceRenewalOptions {
   /// Renews the hash tree of records whose case has entries behind what they cover, also where nothing is
   /// due: with the policy's new hash, which may be the old one. Nothing else takes such entries in.
   bool take_in = false;
+  /// Begins a record beside those that do not hold, where all of them stay.
+  bool begin_anew = false;
   /// Hash values and records that are held at once, about. What is beyond that gets a token of its own.
   std::size_t most_bytes = 256U << 20U;
 };

@@ -453,6 +453,7 @@ class CaseInVersions final : public RenewableCase {
   void write_record(const std::string& /*case_id*/, ByteView record) override {
     versions_.push_back(to_bytes(record));
   }
+  [[nodiscard]] bool keeps_all_records() const override { return true; }
   void let_go() override {
     if (is_away) throw RenewalWaits("the store does not answer");
   }
@@ -482,6 +483,29 @@ TEST_F(EvidenceRenewalTest, OfSeveralRecordsTheOneThatHoldsIsRenewedAndAllStay) 
   const EvidenceRenewal again = renew_evidence(cases, at("2034-06-01", second_)).front();
   EXPECT_EQ(again.what, What::kNothingDue) << again.text;
   EXPECT_EQ(again.holds, crypto::sha256(versions.back()));
+}
+
+TEST_F(EvidenceRenewalTest, BesideARecordThatLapsedOneIsBegunWhereBothStay) {
+  renew(at("2027-01-01", first_));
+  const Bytes lapsed = to_bytes(test::contents(record_of(cases_[0])));
+  std::vector<Bytes> versions{lapsed};
+  std::vector<std::unique_ptr<RenewableCase>> cases;
+  cases.push_back(std::make_unique<CaseInVersions>(cases_[0], versions));
+  EvidenceRenewalOptions options = at("2035-01-01", second_);
+  const EvidenceRenewal refused = renew_evidence(cases, options).front();
+  EXPECT_EQ(refused.what, What::kRefused);
+  EXPECT_THAT(refused.text, HasSubstr("begun beside it, renew with --begin-anew"));
+  EXPECT_EQ(versions.size(), 1U);
+  options.begin_anew = true;
+  const EvidenceRenewal begun = renew_evidence(cases, options).front();
+  EXPECT_EQ(begun.what, What::kBegun) << begun.text;
+  EXPECT_THAT(begun.text, HasSubstr("does not hold"));
+  ASSERT_EQ(versions.size(), 2U);
+  EXPECT_EQ(versions[0], lapsed);
+  EXPECT_EQ(renew_evidence(cases, options).front().what, What::kNothingDue);
+  // On a disk the new one would take the old one's place.
+  EXPECT_EQ(renew(options)[0].what, What::kRefused);
+  EXPECT_EQ(to_bytes(test::contents(record_of(cases_[0]))), lapsed);
 }
 
 TEST_F(EvidenceRenewalTest, WhatCouldNotBeReadForNowSaysNothingOfTheCase) {
