@@ -41,7 +41,8 @@ struct EvidenceWork {
   std::size_t answer = 0;            // its place among cases and results
   std::string file;                  // where the record lies, for sentences
   EvidenceRecord record;             // of a hash-tree renewal
-  evidence::NewestTimeStamp newest;  // of a time-stamp renewal, which reads the record again
+  evidence::NewestTimeStamp newest;  // of a time-stamp renewal, which reads the record again:
+  crypto::Sha256Digest chosen{};     // this one, as many cases may share that time-stamp
   evidence::HashList data;           // of a beginning and a hash-tree renewal
   bool outside = false;              // the record that is renewed rests on outside authorities alone
   std::optional<UtcTime> end;        // of the same
@@ -220,6 +221,7 @@ class EvidenceRenewer {
       std::erase_if(data.files, [](const NamedFile& named) { return named.stated.has_value(); });
       judge(opened, data, *parse.record, work.file);
       work.newest = evidence::newest_of(*parse.record);
+      work.chosen = crypto::sha256(bytes);
       stamped_.push_back(std::move(work));
     } else if (due.what == evidence::Due::What::kHashTreeRenewal) {
       result.what = What::kHashTreeRenewed;
@@ -463,10 +465,9 @@ class EvidenceRenewer {
 
   void append_to_record(const EvidenceWork& work, evidence::ArchiveTimeStamp made) {
     for (const Bytes& bytes : case_of(work.answer).read_records(results_[work.answer].case_id)) {
+      if (crypto::sha256(bytes) != work.chosen) continue;
       evidence::RecordParse parse = evidence::parse_record(bytes);
-      if (!parse.record || !evidence::hash_of_chain(parse.record->chains.back()) ||
-          evidence::newest_of(*parse.record) != work.newest)
-        continue;
+      if (!parse.record) break;
       parse.record->chains.back().push_back(std::move(made));
       write(work, *parse.record);
       return;

@@ -54,7 +54,8 @@ class RecordChoices : public ::testing::Test {
   }
   /// A hash-tree renewal over data that is not the case's, by an authority that is trusted.
   [[nodiscard]] Bytes over_other_data(const Bytes& record, const std::string& today) const {
-    const evidence::HashList others(40, test::hash_of(HashAlgorithm::kSha512, "something else"));
+    evidence::HashList others;
+    for (char c = 'a'; c <= 'z'; ++c) others.push_back(test::hash_of(HashAlgorithm::kSha512, {c}));
     return evidence::encode_record(evidence::renew_hash_trees({*evidence::parse_record(record).record},
                                                               HashAlgorithm::kSha512, {others},
                                                               second_.at(today))
