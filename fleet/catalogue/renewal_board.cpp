@@ -19,7 +19,7 @@ std::string is_to_be_looked_at() {
   return R"(c.state = 'closed' AND c.changed_at <= now() - $2::bigint * interval '1 second' AND
             (r.looked IS NULL OR (r.looked < )" +
          moment_at("$1") + R"( AND ($5::boolean OR r.judged_by IS DISTINCT FROM $3 OR r.renew_from <= now() OR
-             r.looked <= now() - $4::bigint * interval '1 second' OR c.changed_at > r.looked OR r.again)))";
+             r.looked <= now() - $4::bigint * interval '1 second' OR c.changed_at > r.looked OR r.again))))";
 }
 constexpr const char* kCasesAndRenewals =
     " FROM kiroku.cases AS c LEFT JOIN kiroku.renewals AS r "

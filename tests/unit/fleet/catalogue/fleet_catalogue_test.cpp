@@ -944,7 +944,8 @@ TEST_F(FleetReportsTest, WrongCodesAreSlowedDownTogether) {
 
 TEST_F(FleetReportsTest, ACatalogueOfTheFirstVersionIsBroughtUpToDate) {
   Postgres database(connection());
-  for (const char* table : {"appliances", "certificates", "enrolments", "wrong_codes", "search_notes"})
+  for (const char* table :
+       {"appliances", "certificates", "enrolments", "wrong_codes", "search_notes", "renewals"})
     database.ask(std::string("DROP TABLE kiroku.") + table);
   database.ask("UPDATE kiroku.version SET version = 1");
   EXPECT_THAT([&] { reports(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
