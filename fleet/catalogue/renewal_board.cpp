@@ -53,10 +53,13 @@ std::vector<RenewalTurn> RenewalBoard::lease(const Due& due, std::size_t most, c
   values.push_back(value_of(static_cast<std::int64_t>(most)));
   values.push_back(holder);
   values.push_back(value_of(std::int64_t{for_how_long.count()}));
-  // Of two workers that see the same case as free, the second finds at the last condition that it is not.
-  return turns_of(database_.ask("WITH due AS (SELECT c.appliance, c.case_id" +
-                                    std::string(kCasesAndRenewals) + is_to_be_looked_at() +
-                                    R"( AND (r.leased_until IS NULL OR r.leased_until <= now())
+  // Of two workers that see the same case as free, the second finds at the last condition that it is not, and
+  // looks for others.
+  constexpr int kMostTries = 20;
+  for (int tries = 0; tries < kMostTries; ++tries) {
+    std::vector<RenewalTurn> turns = turns_of(database_.ask(
+        "WITH due AS (SELECT c.appliance, c.case_id" + std::string(kCasesAndRenewals) + is_to_be_looked_at() +
+            R"( AND (r.leased_until IS NULL OR r.leased_until <= now())
              ORDER BY r.looked NULLS FIRST, c.changed_at LIMIT $6::bigint FOR UPDATE OF c SKIP LOCKED)
          INSERT INTO kiroku.renewals AS r (appliance, case_id, leased_by, leased_at, leased_until)
            SELECT appliance, case_id, $7, now(), now() + $8::bigint * interval '1 second' FROM due
@@ -64,7 +67,14 @@ std::vector<RenewalTurn> RenewalBoard::lease(const Due& due, std::size_t most, c
            leased_by = excluded.leased_by, leased_at = excluded.leased_at, leased_until = excluded.leased_until
            WHERE r.leased_until IS NULL OR r.leased_until <= now()
          RETURNING r.appliance, r.case_id, r.record)",
-                                values));
+        values));
+    const Postgres::Rows free =
+        database_.ask("SELECT 1" + std::string(kCasesAndRenewals) + is_to_be_looked_at() +
+                          " AND (r.leased_until IS NULL OR r.leased_until <= now()) LIMIT 1",
+                      look_values_of(due));
+    if (!turns.empty() || free.size() == 0) return turns;
+  }
+  return {};
 }
 
 std::vector<RenewalTurn> RenewalBoard::look(const Due& due) {

