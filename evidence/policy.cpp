@@ -3,13 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-
-// The verifier alone needs no library beside OpenSSL's.
-#define TOML_HEADER_ONLY 1
-#include <toml++/toml.h>
+#include <initializer_list>
+#include <variant>
 
 #include "base/error.h"
 #include "base/printable.h"
+#include "evidence/policy_text.h"
 
 namespace kiroku::evidence {
 namespace {
@@ -20,82 +19,52 @@ constexpr std::int64_t kMostKeyBits = 65536;
 
 bool is_key(std::string_view name) { return std::ranges::find(kKeys, name) != kKeys.end(); }
 
-/// toml++ 3.3 assumes of some files what is not so (found by fuzzing): that a key follows a table's bracket,
-/// and of characters beyond ASCII where they may stand. No policy needs either.
-void refuse_what_toml_assumes(std::string_view text, const std::string& file) {
-  constexpr std::string_view kBlanks = " \t";
-  constexpr std::string_view kBegins =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-\"\x27]";
-  std::size_t number = 1;
-  for (std::size_t begin = 0; begin < text.size(); ++number) {
-    const std::size_t end = std::min(text.find_first_of("\n\r", begin), text.size());
-    std::string_view line = text.substr(begin, end - begin);
-    begin = end + 1;
-    for (const char c : line) {
-      if ((c < 0x20 && c != '\t') || c == 0x7F) {
-        throw UsageError(file + ":" + std::to_string(number) +
-                         ": holds a control character, or one that is not ASCII; write it as \\u and four "
-                         "hexadecimal digits");
-      }
-    }
-    line.remove_prefix(std::min(line.find_first_not_of(kBlanks), line.size()));
-    if (!line.starts_with('[')) continue;
-    line.remove_prefix(line.starts_with("[[") ? 2 : 1);
-    line.remove_prefix(std::min(line.find_first_not_of(kBlanks), line.size()));
-    if (line.empty() || kBegins.find(line.front()) == std::string_view::npos) {
-      throw UsageError(file + ":" + std::to_string(number) +
-                       ": no name stands behind the bracket that begins the line");
-    }
-  }
-}
+/// What one file says, and where, for its refusals.
+class PolicyKeys {
+ public:
+  PolicyKeys(const PolicyTable& table, const std::string& file) : table_(table), file_(file) {}
 
-/// Where a policy file says something, for its refusals.
-struct PolicyPlace {
-  const std::string& file;
-  [[noreturn]] void refuse(const toml::source_region& at, const std::string& sentence) const {
-    throw UsageError(file + ":" + std::to_string(at.begin.line) + ":" + std::to_string(at.begin.column) +
-                     ": " + sentence);
+  [[noreturn]] void refuse(const PolicyPlace& at, const std::string& sentence) const {
+    refuse_policy(file_, at, sentence);
   }
-  void refuse_unknown_keys(const toml::table& table, std::initializer_list<std::string_view> known) const {
-    for (const auto& [key, node] : table) {
-      if (std::ranges::find(known, key.str()) != known.end()) continue;
+  void refuse_unknown(std::initializer_list<std::string_view> known) const {
+    for (const PolicyValue& each : table_.values) {
+      if (std::ranges::find(known, each.key) != known.end()) continue;
       std::string names;
       for (const std::string_view one : known) names += (names.empty() ? "" : ", ") + std::string(one);
-      refuse(key.source(), "unknown key '" + printable(key.str()) + "'; known are " + names);
+      refuse(each.key_place, "unknown key '" + printable(each.key) + "'; known are " + names);
     }
   }
-  [[nodiscard]] std::optional<std::string> text(const toml::table& table, std::string_view key) const {
-    const toml::node* node = table.get(key);
-    if (node == nullptr) return {};
-    const auto value = node->value_exact<std::string>();
-    if (!value) refuse(node->source(), "'" + std::string(key) + "' must be a text in quotation marks");
-    return *value;
+  [[nodiscard]] std::optional<std::string> text(std::string_view key) const {
+    const PolicyValue* value = table_.find(key);
+    if (value == nullptr) return {};
+    const auto* text = std::get_if<std::string>(&value->value);
+    if (text == nullptr) refuse(value->place, "'" + std::string(key) + "' must be a text in quotation marks");
+    return *text;
   }
-  [[nodiscard]] std::optional<std::int64_t> number(const toml::table& table, std::string_view key,
-                                                   std::int64_t most) const {
-    const toml::node* node = table.get(key);
-    if (node == nullptr) return {};
-    const auto value = node->value_exact<std::int64_t>();
-    if (!value || *value < 0 || *value > most) {
-      refuse(node->source(),
+  [[nodiscard]] std::optional<std::int64_t> number(std::string_view key, std::int64_t most) const {
+    const PolicyValue* value = table_.find(key);
+    if (value == nullptr) return {};
+    const auto* number = std::get_if<std::int64_t>(&value->value);
+    if (number == nullptr || *number < 0 || *number > most) {
+      refuse(value->place,
              "'" + std::string(key) + "' must be a whole number from 0 to " + std::to_string(most));
     }
-    return *value;
+    return *number;
   }
   /// The end of the day that is named: the first moment after it, in UTC.
-  [[nodiscard]] std::optional<UtcTime> end_of_day(const toml::table& table, std::string_view key) const {
-    const toml::node* node = table.get(key);
-    if (node == nullptr) return {};
-    const auto value = node->value_exact<toml::date>();
-    const auto day =
-        value ? std::chrono::year_month_day(std::chrono::year(value->year), std::chrono::month(value->month),
-                                            std::chrono::day(value->day))
-              : std::chrono::year_month_day();
-    if (!value || !day.ok() || value->year < 1970) {
-      refuse(node->source(), "'" + std::string(key) + "' must be a day from 1970 on, as 2040-12-31");
-    }
-    return std::chrono::sys_days(day) + std::chrono::days(1);
+  [[nodiscard]] std::optional<UtcTime> end_of_day(std::string_view key) const {
+    const PolicyValue* value = table_.find(key);
+    if (value == nullptr) return {};
+    const auto* day = std::get_if<PolicyDay>(&value->value);
+    if (day == nullptr)
+      refuse(value->place, "'" + std::string(key) + "' must be a day from 1970 on, as 2040-12-31");
+    return day->begins + std::chrono::days(1);
   }
+
+ private:
+  const PolicyTable& table_;
+  const std::string& file_;
 };
 
 }  // namespace
@@ -111,48 +80,42 @@ Policy Policy::without_ends() {
 }
 
 Policy Policy::parse(std::string_view text, const std::string& name_for_errors) {
-  const PolicyPlace place{name_for_errors};
   if (text.size() > kMaximumPolicyBytes) {
     throw UsageError(name_for_errors + " is no policy of algorithms: it has more than 1 MiB");
   }
-  refuse_what_toml_assumes(text, name_for_errors);
-  toml::table root;
-  try {
-    root = toml::parse(text);
-  } catch (const toml::parse_error& error) {
-    place.refuse(error.source(), "is not TOML: " + printable(error.description()));
-  }
-  place.refuse_unknown_keys(root,
-                            {"name", "publisher", "issued", "renew_before_days", "new_hash", "algorithm"});
+  const PolicyText read = read_policy_text(text, name_for_errors);
+  const PolicyKeys top(read.top, name_for_errors);
+  if (const PolicyValue* list = read.top.find("algorithm"))
+    top.refuse(list->key_place, "write each algorithm as a table, [[algorithm]] with its name");
+  top.refuse_unknown({"name", "publisher", "issued", "renew_before_days", "new_hash"});
   Policy policy;
   policy.given_ = true;
-  policy.name_ = place.text(root, "name").value_or(name_for_errors);
-  static_cast<void>(place.text(root, "publisher"));
-  static_cast<void>(place.end_of_day(root, "issued"));
-  if (const auto days = place.number(root, "renew_before_days", kMostRenewalDays)) {
+  policy.name_ = top.text("name").value_or(name_for_errors);
+  static_cast<void>(top.text("publisher"));
+  static_cast<void>(top.end_of_day("issued"));
+  if (const auto days = top.number("renew_before_days", kMostRenewalDays)) {
     policy.renew_before_ = std::chrono::days(*days);
   }
 
-  const toml::node* list = root.get("algorithm");
-  if (list == nullptr || !list->is_array_of_tables()) {
+  if (read.algorithms.empty()) {
     throw UsageError(name_for_errors +
                      " is no policy of algorithms: write each one as a table, [[algorithm]] with its name");
   }
-  for (const toml::node& node : *list->as_array()) {
-    const toml::table& table = *node.as_table();
-    place.refuse_unknown_keys(table, {"name", "minimum_bits", "until"});
-    const auto name = place.text(table, "name");
-    if (!name) place.refuse(table.source(), "an [[algorithm]] has no 'name'");
+  for (const PolicyTable& table : read.algorithms) {
+    const PolicyKeys keys(table, name_for_errors);
+    keys.refuse_unknown({"name", "minimum_bits", "until"});
+    const auto name = keys.text("name");
+    if (!name) keys.refuse(table.place, "an [[algorithm]] has no 'name'; write one, as name = \"sha256\"");
     const bool hash = crypto::hash_named(*name).has_value();
     if (!hash && !is_key(*name)) {
-      place.refuse(table.source(),
-                   "'" + printable(*name) +
-                       "' is no algorithm known here; known are sha256, sha384, sha512, sha3-256, "
-                       "sha3-384, sha3-512, rsa, dsa, ecdsa, ed25519, ed448 and ml-dsa-44");
+      keys.refuse(table.place,
+                  "'" + printable(*name) +
+                      "' is no algorithm known here; known are sha256, sha384, sha512, sha3-256, "
+                      "sha3-384, sha3-512, rsa, dsa, ecdsa, ed25519, ed448 and ml-dsa-44");
     }
-    const auto bits = place.number(table, "minimum_bits", kMostKeyBits);
-    if (bits && hash) place.refuse(table.source(), "a hash has no 'minimum_bits'");
-    policy.entries_.push_back({*name, static_cast<int>(bits.value_or(0)), place.end_of_day(table, "until")});
+    const auto bits = keys.number("minimum_bits", kMostKeyBits);
+    if (bits && hash) keys.refuse(table.place, "a hash has no 'minimum_bits'; leave it out");
+    policy.entries_.push_back({*name, static_cast<int>(bits.value_or(0)), keys.end_of_day("until")});
   }
   const auto first_hash = std::ranges::find_if(
       policy.entries_, [](const Entry& entry) { return crypto::hash_named(entry.name).has_value(); });
@@ -160,11 +123,11 @@ Policy Policy::parse(std::string_view text, const std::string& name_for_errors) 
     throw UsageError(name_for_errors + " is no policy of algorithms: it lists no hash");
   }
   policy.new_hash_ = *crypto::hash_named(first_hash->name);
-  if (const auto name = place.text(root, "new_hash")) {
+  if (const auto name = top.text("new_hash")) {
     const auto hash = crypto::hash_named(*name);
     if (!hash || !policy.hash(*name).listed) {
-      place.refuse(root.get("new_hash")->source(),
-                   "'new_hash' must be one of the hashes that the policy lists");
+      top.refuse(read.top.find("new_hash")->place,
+                 "'new_hash' must be one of the hashes that the policy lists");
     }
     policy.new_hash_ = *hash;
   }

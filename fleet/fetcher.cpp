@@ -36,6 +36,7 @@ constexpr std::size_t kMostUnfit = 10'000;
 /// streams have 3 MB.
 constexpr std::uint64_t kLargestLedger = std::uint64_t{32} << 20;
 constexpr std::string_view kGrowing = "growing/";
+/// Whether segments come, too.
 constexpr std::string_view kLog = "log";  // an appliance's, beside its cases
 
 /// Names of files below a case's folder, as the store tells them: nothing may lead out of it.
@@ -161,6 +162,8 @@ class Fetching {
         take_ledger(versions);
       } else if (stays_in_store(path, versions)) {
         leave_in_store(path, versions.front());
+      } else if (is_left(path)) {
+        leave_segment(path, versions);
       } else {
         take(path, of_first_choice(versions));
       }
@@ -227,7 +230,8 @@ class Fetching {
     std::uint64_t needed = 0;
     const auto add = [&](std::uint64_t bytes) { needed += std::min(bytes, UINT64_MAX - needed); };
     for (const auto& each : versions_) {
-      if (!stays_in_store(each.first, each.second)) add(of_first_choice(each.second).bytes);
+      if (!stays_in_store(each.first, each.second) && !is_left(each.first))
+        add(of_first_choice(each.second).bytes);
     }
     for (const auto& each : parts_) add(each.second.bytes);
     std::error_code unknown;
@@ -264,6 +268,16 @@ class Fetching {
     } catch (const Error&) {
       return false;
     }
+  }
+
+  [[nodiscard]] bool is_left(const std::string& path) const {
+    return segments_ == SegmentBytes::kLeftOut &&
+           path.starts_with(std::string(archive::kSegmentsFolder) + "/");
+  }
+  void leave_segment(const std::string& path, const std::vector<ListedVersion>& versions) {
+    make_folders((folder_ / path).parent_path());
+    NewFile(folder_ / path, O_TRUNC).finish(flushes_);
+    result_.segments_left[path].versions = versions;
   }
 
   void take(const std::string& path, const ListedVersion& version) {
@@ -402,6 +416,10 @@ class Fetching {
       if (result_.in_store.contains(path)) return;
       // What the first line says counts: others may stand behind all that the device signed.
       if (!wanted_.insert(path).second) return;
+      if (const auto left = result_.segments_left.find(path); left != result_.segments_left.end()) {
+        left->second.sha256 = sha256;
+        return;
+      }
       const auto taken = hashes_.find(path);
       if (taken != hashes_.end() && taken->second == crypto::to_hex(sha256)) return;
       const std::uint64_t most = bytes ? UINT64_MAX : archive::kMaximumTokenBytes;
@@ -497,6 +515,12 @@ FetchedCase fetch(ObjectStore& store, const std::string& appliance, const std::s
   return result;
 }
 
+void require_case_id(const std::string& case_id) {
+  if (!archive::is_case_id(case_id)) {
+    throw UsageError("'" + printable(case_id) + "' is no case identifier such as 20260805T091502Z-3f9c21ab");
+  }
+}
+
 /// What other devices stated of the case, beside its folder. Nobody names these files by a hash. What was put
 /// first counts, as nobody can put an older version. None of them keeps the case from its place.
 void fetch_statements(ObjectStore& store, const std::string& appliance, const std::string& case_id,
@@ -567,12 +591,17 @@ bool fetch_ledger(ObjectStore& store, const std::string& appliance, const std::s
 FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const std::string& case_id,
                        const fs::path& into, WhichVersions which, UnreadableObjects unreadable,
                        SegmentBytes segments) {
-  if (!archive::is_case_id(case_id)) {
-    throw UsageError("'" + printable(case_id) + "' is no case identifier such as 20260805T091502Z-3f9c21ab");
-  }
+  require_case_id(case_id);
   FetchedCase fetched = fetch(store, appliance, case_id, into, which, unreadable, segments);
   fetch_statements(store, appliance, case_id, fetched);
   return fetched;
+}
+
+FetchedCase fetch_case_without_segments(ObjectStore& store, const std::string& appliance,
+                                        const std::string& case_id, const fs::path& into) {
+  require_case_id(case_id);
+  return fetch(store, appliance, case_id, into, WhichVersions::kNewest, UnreadableObjects::kThrow,
+               SegmentBytes::kLeftOut);
 }
 
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const fs::path& into) {

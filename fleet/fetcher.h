@@ -36,6 +36,12 @@ struct HoldsSeen {
   bool are_locks_told = false;           // any lock of any of them; else this access key may not see them
 };
 
+/// A segment that was left in the store: its place in the folder has an empty file.
+struct SegmentInStore {
+  std::vector<ListedVersion> versions;           // that may be it; the one that was chosen in front
+  std::optional<crypto::Sha256Digest> sha256{};  // as the ledger has it
+};
+
 struct FetchedCase {
   std::filesystem::path folder;
   std::uint64_t objects = 0, bytes = 0;
@@ -52,6 +58,7 @@ struct FetchedCase {
   HoldsSeen holds;
   /// What was left out as the store lists it and does not give it, by its path, and why.
   std::map<std::string, std::string> unreadable;
+  std::map<std::string, SegmentInStore> segments_left;  // by the path, of fetch_case_without_segments()
 };
 /// Whether a store may have a file of a case by that path: else it is neither sought nor put.
 bool may_be_file_of_case(std::string_view path);
@@ -60,9 +67,9 @@ bool may_be_file_of_case(std::string_view path);
 enum class WhichVersions { kNewest, kOldest };
 /// What becomes of an object that the store lists and does not give, while it answers otherwise.
 enum class UnreadableObjects { kThrow, kLeaveOut };
-/// Whether segments come with their bytes. Those of several versions do: which of them the ledger names is
-/// told by their bytes alone.
-enum class SegmentBytes { kFetched, kInStore };
+/// Whether segments come with their bytes. With kInStore those of several versions do: which of them the
+/// ledger names is told by their bytes alone. With kLeftOut none does (FetchedCase::segments_left).
+enum class SegmentBytes { kFetched, kInStore, kLeftOut };
 /// Makes `into`/<case>, which must not be there. Of a file that the ledger names with a hash, where the
 /// version that was chosen has another, the one that has it is taken; of a ledger that is of another case,
 /// one of this case. What other devices stated of the case (archive/format/store_statement.h) comes into
@@ -75,6 +82,10 @@ FetchedCase fetch_case(ObjectStore& store, const std::string& appliance, const s
                        const std::filesystem::path& into, WhichVersions which = WhichVersions::kNewest,
                        UnreadableObjects unreadable = UnreadableObjects::kThrow,
                        SegmentBytes segments = SegmentBytes::kFetched);
+
+/// Likewise, but that segments stay in the store, and that nothing comes that other devices stated.
+FetchedCase fetch_case_without_segments(ObjectStore& store, const std::string& appliance,
+                                        const std::string& case_id, const std::filesystem::path& into);
 
 /// Likewise `into`/log, an appliance's log as far as it is in the store.
 FetchedCase fetch_log(ObjectStore& store, const std::string& appliance, const std::filesystem::path& into);

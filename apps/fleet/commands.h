@@ -10,6 +10,7 @@ void add_fleet_index_command(Command& program);
 void add_fleet_cases_command(Command& program);
 void add_fleet_status_command(Command& program);
 void add_fleet_verify_command(Command& program);
+void add_fleet_renew_command(Command& program);
 void add_fleet_serve_command(Command& program);
 void add_fleet_enrol_command(Command& program);
 void add_fleet_revoke_command(Command& program);

@@ -133,6 +133,17 @@ void read_mending(TableReader& top, FleetConfiguration& into) {
   into.mending = std::move(mending);
 }
 
+void read_evidence(TableReader& top, FleetConfiguration& into) {
+  const toml::table* table = top.table("evidence");
+  if (table == nullptr) return;
+  TableReader reader(*table, "[evidence]", top.file());
+  reader.text("policy", [&](const std::string& text) { into.evidence.policy = text; });
+  reader.text("credentials", [&](const std::string& text) { into.evidence.credentials = text; });
+  reader.text("every",
+              [&](const std::string& text) { into.evidence.look_every = hours_of(text, "'every'"); });
+  reader.refuse_unknown_keys();
+}
+
 }  // namespace
 
 FleetConfiguration FleetConfiguration::parse(std::string_view toml, const fs::path& file) {
@@ -166,6 +177,7 @@ FleetConfiguration FleetConfiguration::parse(std::string_view toml, const fs::pa
   read_reports(top, configuration);
   read_sharing(top, configuration);
   read_mending(top, configuration);
+  read_evidence(top, configuration);
   if (!configuration.authorities.empty() && configuration.trust.empty() &&
       configuration.own_authority.empty())
     throw UsageError(file.string() +
@@ -191,6 +203,11 @@ fleet::FleetCatalogue FleetConfiguration::open_catalogue() const {
 
 fleet::FleetReports FleetConfiguration::open_reports() const {
   return fleet::FleetReports(fleet::Postgres(connection));
+}
+
+std::optional<fs::path> FleetConfiguration::policy_file() const {
+  if (evidence.policy.empty()) return {};
+  return file.parent_path() / evidence.policy;
 }
 
 timestamp::TrustStore FleetConfiguration::trust_store() const {

@@ -30,6 +30,13 @@ struct MendingConfiguration {
   std::string credentials;     // of an access key that may put; "": those of [store]
 };
 
+/// [evidence]: how evidence records of stored cases are judged and renewed.
+struct EvidenceOfFleet {
+  std::filesystem::path policy;  // a TOML file, relative to the file; "": no algorithm ends
+  std::string credentials;       // of an access key that may put; "": those of [store]
+  std::chrono::hours look_every{24 * 91};
+};
+
 struct FleetConfiguration {
   std::filesystem::path file;
   StoreConfiguration store;
@@ -50,6 +57,7 @@ struct FleetConfiguration {
   std::vector<AuthorityConfiguration> authorities;
   std::chrono::nanoseconds round = std::chrono::seconds(60);
   std::optional<MendingConfiguration> mending;
+  EvidenceOfFleet evidence;
   std::vector<CopyConfiguration> copies;  // asked in this order
 
   /// Throws kiroku::UsageError with line and column, kiroku::Error where the file cannot be read.
@@ -61,6 +69,8 @@ struct FleetConfiguration {
   [[nodiscard]] fleet::ObjectStore open_store(const StoreConfiguration& of) const;
   [[nodiscard]] fleet::FleetCatalogue open_catalogue() const;
   [[nodiscard]] fleet::FleetReports open_reports() const;
+  /// Where the policy of [evidence] is; nothing where none is named.
+  [[nodiscard]] std::optional<std::filesystem::path> policy_file() const;
   /// Roots by which the time-stamps of all appliances are judged.
   [[nodiscard]] timestamp::TrustStore trust_store() const;
 };

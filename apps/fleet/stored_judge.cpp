@@ -10,6 +10,7 @@
 #include "base/printable.h"
 #include "fleet/fetcher.h"
 #include "fleet/stored_reading.h"
+#include "fleet/stored_records.h"
 
 namespace kiroku::apps {
 
@@ -157,28 +158,33 @@ archive::VerificationReport StoredJudge::judge(const std::string& appliance, con
   judging.devices = {key.string()};
   for (const fs::path& each : configuration_.trust) judging.trust.push_back(each.string());
   for (const fs::path& each : configuration_.own_authority) judging.own_authority.push_back(each.string());
+  if (const auto policy = configuration_.policy_file()) judging.policy = policy->string();
   fleet::FetchedCase there = fetched(appliance, case_id, key, fleet::SegmentBytes::kInStore);
   judging.log = log_of(appliance, changed).string();
   hold_ = hold_of(appliance, case_id, key, holds_seen(appliance, case_id, key, there));
-  archive::VerificationReport report = judge_there(there, judging);
+  archive::VerificationReport report = judge_there(appliance, case_id, there, judging);
   // What lies in the store has no holes: a segment that begins with zeros is judged as the bytes that it is.
   const auto has_hole = [](const archive::Finding& each) { return each.code == "file-has-hole"; };
   if (!there.in_store.empty() && std::ranges::any_of(report.findings, has_hole)) {
     there = fetched(appliance, case_id, key, fleet::SegmentBytes::kFetched);
-    report = judge_there(there, judging);
+    report = judge_there(appliance, case_id, there, judging);
   }
   fs::remove_all(there.folder.parent_path());
   return report;
 }
 
 /// Segments that were left in the store are read there.
-archive::VerificationReport StoredJudge::judge_there(const fleet::FetchedCase& there,
-                                                     JudgingRequest& judging) {
+archive::VerificationReport StoredJudge::judge_there(const std::string& appliance, const std::string& case_id,
+                                                     fleet::FetchedCase& there, JudgingRequest& judging) {
   const fleet::StoredReading reading(connections_, there.folder, there.in_store);
   judging.files = &reading;
   const VerifyExtras none;
   try {
-    archive::VerificationReport report = Judge(judging, none).judge(there.folder).report;
+    const Judge judge(judging, none);
+    judge.with_rules(there.folder, [&](const evidence::JudgingRules& rules) {
+      fleet::fetch_record(store_, appliance, case_id, rules, there, reading);
+    });
+    archive::VerificationReport report = judge.judge(there.folder).report;
     // What the store does not give says nothing of the case.
     reading.require_all_given();
     return report;

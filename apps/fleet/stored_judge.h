@@ -31,7 +31,8 @@ class StoredJudge {
   StoredJudge(const FleetConfiguration& configuration, const std::optional<std::string>& scratch,
               Mends mends = Mends::kNo);
 
-  /// By its appliance's key, the roots of [verification] and the appliance's log in the store. The log is
+  /// By its appliance's key, the roots of [verification], the policy of [evidence] and the appliance's log in
+  /// the store, with the evidence record that counts. The log is
   /// fetched anew for a case that changed after it was; `changed` says when the case did. Throws StoreError,
   /// kiroku::Error; nothing is left behind.
   archive::VerificationReport judge(const std::string& appliance, const std::string& case_id,
@@ -44,7 +45,8 @@ class StoredJudge {
  private:
   fleet::FetchedCase fetched(const std::string& appliance, const std::string& case_id,
                              const std::filesystem::path& device, fleet::SegmentBytes segments);
-  archive::VerificationReport judge_there(const fleet::FetchedCase& there, JudgingRequest& judging);
+  archive::VerificationReport judge_there(const std::string& appliance, const std::string& case_id,
+                                          fleet::FetchedCase& there, JudgingRequest& judging);
   std::filesystem::path log_of(const std::string& appliance, UtcTime changed);
   std::filesystem::path fetch_log(const std::string& appliance);
   fleet::HoldsSeen holds_seen(const std::string& appliance, const std::string& case_id,

@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   add_fleet_cases_command(program.root());
   add_fleet_status_command(program.root());
   add_fleet_verify_command(program.root());
+  add_fleet_renew_command(program.root());
   add_fleet_serve_command(program.root());
   add_fleet_rooms_command(program.root());
   add_fleet_enrol_command(program.root());

@@ -18,6 +18,7 @@
 #include "base/error.h"
 #include "base/printable.h"
 #include "fleet/fetcher.h"
+#include "fleet/stored_records.h"
 
 namespace kiroku::apps {
 namespace {
@@ -44,9 +45,12 @@ int list(const Request& request, const std::string& appliance, const std::vector
 /// Gets one case, judges it, tells of both.
 int fetch(const Request& request, fleet::ObjectStore& store, const std::string& appliance,
           const std::string& name, const Judge& judge, ordered_json& told) {
-  const fleet::FetchedCase fetched =
+  fleet::FetchedCase fetched =
       fleet::fetch_case(store, appliance, name, *request.output,
                         request.oldest ? fleet::WhichVersions::kOldest : fleet::WhichVersions::kNewest);
+  judge.with_rules(fetched.folder, [&](const evidence::JudgingRules& rules) {
+    fleet::fetch_record(store, appliance, name, rules, fetched);
+  });
   const Judged judged = judge.judge(fetched.folder);
   told.push_back({{"case", name},
                   {"folder", fetched.folder.string()},
@@ -114,7 +118,8 @@ void add_fetch_command(Command& program) {
       "that "
       "was being recorded is there as far as it had come, and is incomplete; it stays so, for only its own "
       "device can sign its end. What another device stated of it, by 'kiroku recover --from-store', comes "
-      "beside it.");
+      "beside it, and so does its evidence record: of several the one that holds and proves the earliest "
+      "time.");
   const auto request = std::make_shared<Request>();
   const auto asked_home = std::make_shared<std::optional<std::string>>();
   const auto extras = std::make_shared<VerifyExtras>(verify_extras(asked_home));

@@ -4,17 +4,16 @@
 
 #include <nlohmann/json.hpp>
 
-#include "apps/common/format.h"
 #include "apps/common/json_output.h"
 #include "apps/kiroku/authorities.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/renewal_results.h"
 #include "apps/verify/judging.h"
 #include "archive/format/case_layout.h"
 #include "archive/upkeep/evidence_renewal.h"
 #include "archive/verify/excerpt_verifier.h"
 #include "base/error.h"
-#include "base/json_or_null.h"
 #include "recorder/record_stamper.h"
 #include "viewer/http/disk_room.h"
 
@@ -24,7 +23,6 @@ namespace {
 namespace fs = std::filesystem;
 using archive::EvidenceRenewal;
 using nlohmann::ordered_json;
-using What = EvidenceRenewal::What;
 
 struct Request {
   std::vector<std::string> cases;
@@ -74,87 +72,6 @@ evidence::Policy policy_of(const Home& home, const Configuration& configuration,
   return read_policy(file);
 }
 
-bool is_renewed(What what) {
-  return what == What::kBegun || what == What::kTimeStampRenewed || what == What::kHashTreeRenewed;
-}
-
-std::string words_of(What what, bool dry_run) {
-  switch (what) {
-    case What::kBegun:
-      return dry_run ? "a record would be begun" : "a record was begun";
-    case What::kTimeStampRenewed:
-      return dry_run ? "its newest time-stamp would be renewed" : "its newest time-stamp was renewed";
-    case What::kHashTreeRenewed:
-      return dry_run ? "all its data would be read again under a new hash"
-                     : "all its data was read again under a new hash";
-    case What::kNothingDue:
-      return "nothing is due";
-    case What::kStillOpen:
-      return "left alone";
-    case What::kWaits:
-      return "waits";
-    case What::kRefused:
-      break;
-  }
-  return "nothing was renewed";
-}
-
-void print_text(const std::vector<EvidenceRenewal>& results, bool dry_run) {
-  std::size_t nothing_due = 0;
-  std::optional<UtcTime> next;
-  for (const EvidenceRenewal& each : results) {
-    if (each.before && (is_renewed(each.what) || each.what == What::kNothingDue)) {
-      next = next ? std::min(*next, *each.before) : each.before;
-    }
-    if (each.later_entries > 0) {
-      std::cout << printable(each.case_id) << ": " << each.later_entries
-                << (each.later_entries == 1 ? " entry" : " entries")
-                << " came after what its record covers, which says nothing of them: 'kiroku renew --take-in' "
-                   "brings them in\n";
-    }
-    if (each.what == What::kNothingDue) {
-      ++nothing_due;
-      continue;
-    }
-    const std::string line = each.case_id + ": " + words_of(each.what, dry_run) + ": " + each.text;
-    if (each.what == What::kRefused) {
-      print_error("kiroku", line);
-    } else {
-      std::cout << printable(line) << "\n";
-    }
-    for (const std::string& file : each.unread) std::cout << "  not as recorded: " << printable(file) << "\n";
-  }
-  if (results.empty()) {
-    std::cout << "There is no case.\n";
-  } else if (nothing_due > 0) {
-    std::cout << nothing_due << (nothing_due == 1 ? " record needs" : " records need") << " nothing.\n";
-  }
-  if (next) std::cout << "The next end is at " << format_utc_for_people(*next) << ".\n";
-}
-
-ordered_json result_json(const std::vector<EvidenceRenewal>& results, bool dry_run) {
-  ordered_json cases = ordered_json::array();
-  for (const EvidenceRenewal& each : results) {
-    cases.push_back({{"case", each.case_id},
-                     {"what", archive::name_of(each.what)},
-                     {"reason", each.text},
-                     {"renew_before", or_null(each.before)},
-                     {"later_entries", each.later_entries},
-                     {"unread", each.unread}});
-  }
-  return {{"dry_run", dry_run}, {"cases", std::move(cases)}};
-}
-
-int status_of(const std::vector<EvidenceRenewal>& results, bool dry_run) {
-  const auto any = [&](const auto& is) {
-    return std::any_of(results.begin(), results.end(),
-                       [&](const EvidenceRenewal& each) { return is(each.what); });
-  };
-  if (any([](What what) { return what == What::kRefused; })) return kAnswerIsNo;
-  const bool waits = any([&](What what) { return what == What::kWaits || (dry_run && is_renewed(what)); });
-  return waits ? kNoAnswer : kDone;
-}
-
 int run(const Request& request) {
   const Home home = Home::open(request.home);
   const Configuration configuration = home.configuration();
@@ -184,12 +101,20 @@ int run(const Request& request) {
   }
   const std::vector<EvidenceRenewal> results =
       archive::renew_evidence(archive::real_file_system(), cases, options);
+  RenewalTeller teller("kiroku", request.dry_run);
   if (request.json) {
-    print_json(result_json(results, request.dry_run));
+    ordered_json told = ordered_json::array();
+    for (const EvidenceRenewal& each : results) {
+      teller.count(each);
+      told.push_back(renewal_json(each));
+    }
+    print_json({{"dry_run", request.dry_run}, {"cases", std::move(told)}});
   } else {
-    print_text(results, request.dry_run);
+    for (const EvidenceRenewal& each : results) teller.tell(each);
+    if (results.empty()) std::cout << "There is no case.\n";
+    teller.sum_up();
   }
-  return status_of(results, request.dry_run);
+  return teller.status();
 }
 
 }  // namespace

@@ -108,9 +108,7 @@ std::optional<archive::OutsideNote> Judge::home_note(const VerifyDefaults& defau
   return witnesses_ && !request_.log ? defaults.witnessed_note : std::nullopt;
 }
 
-Judged Judge::judge(const std::filesystem::path& folder) const {
-  const VerifyDefaults defaults = extras_.defaults ? extras_.defaults(folder) : VerifyDefaults{};
-  Judged judged;
+timestamp::TrustStore Judge::trust_by(const VerifyDefaults& defaults, Judged& judged) const {
   const bool by_default = request_.trust.empty() && request_.own_authority.empty();
   timestamp::TrustStore trust;
   const auto take = [&](const std::vector<std::string>& given,
@@ -126,9 +124,26 @@ Judged Judge::judge(const std::filesystem::path& folder) const {
   take(request_.trust, defaults.trust, &timestamp::TrustStore::add_trusted, judged.roots);
   take(request_.own_authority, defaults.own_authority, &timestamp::TrustStore::add_own_authority,
        judged.own_roots);
+  for (const std::string& file : request_.untrusted) trust.add_untrusted_file(file);
+  return trust;
+}
+
+void Judge::with_rules(const std::filesystem::path& folder,
+                       const std::function<void(const evidence::JudgingRules&)>& work) const {
+  const VerifyDefaults defaults = extras_.defaults ? extras_.defaults(folder) : VerifyDefaults{};
+  Judged ignored;
+  const timestamp::TrustStore trust = trust_by(defaults, ignored);
+  work({.trust = trust.has_trusted() ? &trust : nullptr,
+        .policy = policy_ ? &*policy_ : nullptr,
+        .now = utc_now()});
+}
+
+Judged Judge::judge(const std::filesystem::path& folder) const {
+  const VerifyDefaults defaults = extras_.defaults ? extras_.defaults(folder) : VerifyDefaults{};
+  Judged judged;
+  const timestamp::TrustStore trust = trust_by(defaults, judged);
   judged.policy = policy_hash_;
   judged.witnesses = witnesses_hash_;
-  for (const std::string& file : request_.untrusted) trust.add_untrusted_file(file);
 
   archive::VerifyOptions options;
   options.devices = judged.devices = request_.devices.empty() ? defaults.devices : devices_;

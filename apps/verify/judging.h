@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "apps/verify/verify_command.h"
 #include "apps/verify/witness_judgement.h"
 #include "crypto/hash.h"
+#include "evidence/record_verifier.h"
 
 namespace kiroku::apps {
 
@@ -67,8 +69,13 @@ class Judge {
   Judge(const JudgingRequest& request, const VerifyExtras& extras);
   /// Shows progress on a terminal. Throws kiroku::Error for a case that cannot be read at all.
   [[nodiscard]] Judged judge(const std::filesystem::path& folder) const;
+  /// By what judge() will judge the evidence record of a case in this folder. Throws kiroku::Error.
+  void with_rules(const std::filesystem::path& folder,
+                  const std::function<void(const evidence::JudgingRules&)>& work) const;
 
  private:
+  /// The roots that were given, else those of the defaults; what they were taken from comes into `judged`.
+  [[nodiscard]] timestamp::TrustStore trust_by(const VerifyDefaults& defaults, Judged& judged) const;
   /// The cosigned note of the home, where witnesses are asked about and no log was named.
   [[nodiscard]] std::optional<archive::OutsideNote> home_note(const VerifyDefaults& defaults) const;
 

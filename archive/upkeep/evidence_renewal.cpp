@@ -7,7 +7,8 @@
 
 #include "archive/format/case_layout.h"
 #include "archive/verify/case_evidence.h"
-#include "archive/verify/verifier.h"
+#include "archive/verify/hashing_verifier.h"
+#include "archive/verify/record_choice.h"
 #include "base/error.h"
 
 namespace kiroku::archive {
@@ -23,8 +24,8 @@ class StillOpen : public Error {
  public:
   using Error::Error;
 };
-/// Something that comes by itself, or by another authority.
-class Waits : public Error {
+/// No record of the case holds, or none is known to.
+class NoneHolds : public Error {
  public:
   using Error::Error;
 };
@@ -37,10 +38,11 @@ class Unread : public Error {
 
 /// One case and what is to be done for it.
 struct EvidenceWork {
-  fs::path file;
-  std::size_t answer = 0;            // its place among the results
+  std::size_t answer = 0;            // its place among cases and results
+  std::string file;                  // where the record lies, for sentences
   EvidenceRecord record;             // of a hash-tree renewal
-  evidence::NewestTimeStamp newest;  // of a time-stamp renewal, which reads the record again
+  evidence::NewestTimeStamp newest;  // of a time-stamp renewal, which reads the record again:
+  crypto::Sha256Digest chosen{};     // this one, as many cases may share that time-stamp
   evidence::HashList data;           // of a beginning and a hash-tree renewal
   bool outside = false;              // the record that is renewed rests on outside authorities alone
   std::optional<UtcTime> end;        // of the same
@@ -49,15 +51,63 @@ struct EvidenceWork {
 /// About what a value takes in memory.
 constexpr std::size_t kBytesOfValue = 72;
 
+/// A case in a folder, with its record in the folder of records beside it.
+class CaseInFolder final : public RenewableCase {
+ public:
+  CaseInFolder(FileSystem& files, fs::path folder) : files_(files), folder_(std::move(folder)) {}
+  [[nodiscard]] std::string name() const override { return folder_.filename().string(); }
+  fs::path folder() override { return folder_; }
+  const FileReading& files() override { return files_; }
+  [[nodiscard]] std::string record_place(const std::string& case_id) const override {
+    return evidence_file(folder_, case_id).string();
+  }
+  std::vector<Bytes> read_records(const std::string& case_id) override {
+    std::optional<Bytes> record = read_evidence_file(files_, evidence_file(folder_, case_id));
+    std::vector<Bytes> all;
+    if (record) all.push_back(std::move(*record));
+    return all;
+  }
+  void write_record(const std::string& case_id, ByteView record) override {
+    const fs::path file = evidence_file(folder_, case_id);
+    const fs::path folder = file.parent_path();
+    if (!files_.is_folder(folder)) {
+      files_.make_folder(folder);
+      files_.sync_folder(folder.parent_path());
+    }
+    files_.write_durably(file, record);
+  }
+
+ private:
+  FileSystem& files_;
+  const fs::path folder_;
+};
+
+/// Under which files are hashed beside SHA-256.
+void add_hash(std::vector<crypto::HashAlgorithm>& to, std::optional<crypto::HashAlgorithm> algorithm) {
+  if (!algorithm || algorithm == crypto::HashAlgorithm::kSha256) return;
+  if (std::ranges::find(to, *algorithm) == to.end()) to.push_back(*algorithm);
+}
+
 class EvidenceRenewer {
  public:
-  EvidenceRenewer(FileSystem& files, const EvidenceRenewalOptions& options)
-      : files_(files), options_(options) {}
+  EvidenceRenewer(const std::vector<std::unique_ptr<RenewableCase>>& cases,
+                  const EvidenceRenewalOptions& options)
+      : cases_(cases), options_(options) {}
 
-  std::vector<EvidenceRenewal> run(const std::vector<fs::path>& cases) {
-    for (const fs::path& folder : cases) {
-      results_.emplace_back().case_id = folder.filename().string();
-      guard(results_.back(), [&] { look_at(folder); });
+  std::vector<EvidenceRenewal> run() {
+    for (const std::unique_ptr<RenewableCase>& each : cases_) {
+      results_.emplace_back().case_id = each->name();
+      guard(results_.back(), [&] { look_at(*each); });
+      try {
+        each->let_go();
+      } catch (const RenewalWaits& error) {
+        drop(results_.size() - 1);
+        EvidenceRenewal waits;
+        waits.case_id = results_.back().case_id;
+        waits.what = What::kWaits;
+        waits.text = error.what();
+        results_.back() = std::move(waits);
+      }
       if (held_ >= options_.most_bytes) stamp_data();
     }
     if (options_.dry_run) return std::move(results_);
@@ -73,15 +123,16 @@ class EvidenceRenewer {
       result.what = what;
       result.text = error.what();
       result.before.reset();
+      result.holds.reset();
     };
     try {
       work();
     } catch (const StillOpen& error) {
       tell(What::kStillOpen, error);
-    } catch (const Waits& error) {
+    } catch (const RenewalWaits& error) {
       const std::string due = result.text;
       tell(What::kWaits, error);
-      result.text = due + "; " + error.what();
+      result.text = (due.empty() ? "" : due + "; ") + error.what();
     } catch (const Unread& error) {
       tell(What::kRefused, error);
       result.unread = error.files;
@@ -94,17 +145,56 @@ class EvidenceRenewer {
     return {.trust = options_.trust, .policy = &options_.policy, .now = options_.now()};
   }
 
-  void look_at(const fs::path& folder) {
-    const CaseFolder opened = CaseFolder::open(folder, files_);
+  [[nodiscard]] RenewableCase& case_of(std::size_t answer) const { return *cases_[answer]; }
+
+  /// Nothing that was to be done for the case is done.
+  void drop(std::size_t answer) {
+    for (std::vector<EvidenceWork>* works : {&begun_, &stamped_, &hashed_})
+      std::erase_if(*works, [&](const EvidenceWork& work) { return work.answer == answer; });
+  }
+
+  /// The record that counts; nothing where there is none.
+  std::optional<Bytes> read_record(RenewableCase& of, const CaseFolder& folder) {
+    EvidenceRenewal& result = results_.back();
+    std::vector<Bytes> records = of.read_records(result.case_id);
+    if (records.empty()) return {};
+    std::size_t chosen = 0;
+    if (records.size() > 1) {
+      const RecordChoice choice =
+          choose_record(folder, records, rules(),
+                        [&](const crypto::Sha256Digest& record) { return of.is_known_to_hold(record); });
+      chosen = choice.index;
+      if (choice.holds) result.holds = crypto::sha256(records[chosen]);
+    } else if (const crypto::Sha256Digest hash = crypto::sha256(records.front()); of.is_known_to_hold(hash)) {
+      result.holds = hash;
+    }
+    return std::move(records[chosen]);
+  }
+
+  void look_at(RenewableCase& of) {
+    const CaseFolder opened = CaseFolder::open(of.folder(), of.files());
     EvidenceRenewal& result = results_.back();
     result.case_id = read_case_id(opened);
     EvidenceWork work;
-    work.file = evidence_file(folder, result.case_id);
+    work.file = of.record_place(result.case_id);
     work.answer = results_.size() - 1;
-    const std::optional<Bytes> bytes = read_evidence_file(files_, work.file);
-    if (!bytes) return begin(opened, std::move(work));
-    evidence::RecordParse parse = evidence::parse_record(*bytes);
-    if (!parse.record) throw Error(work.file.string() + " is no evidence record: " + parse.explanation);
+    const std::optional<Bytes> bytes = read_record(of, opened);
+    if (!bytes) return begin(opened, std::move(work), "it had no record");
+    try {
+      renew(opened, *bytes, work);
+    } catch (const NoneHolds& error) {
+      if (!options_.begin_anew || !of.keeps_all_records()) throw;
+      result.before.reset();
+      result.holds.reset();
+      result.later_entries = 0;
+      begin(opened, std::move(work), error.what());
+    }
+  }
+
+  void renew(const CaseFolder& opened, const Bytes& bytes, EvidenceWork work) {
+    EvidenceRenewal& result = results_.back();
+    evidence::RecordParse parse = evidence::parse_record(bytes);
+    if (!parse.record) throw NoneHolds(work.file + " is no evidence record: " + parse.explanation);
     const evidence::RecordJudgement alone = evidence::judge_record(*parse.record, {}, rules());
     if (!alone.problems.empty()) refuse_unless_it_holds(work.file, alone);
     work.outside = alone.outside();
@@ -115,7 +205,7 @@ class EvidenceRenewer {
       const std::uint64_t newest = require_note(opened, *parse.record, work.file);
       result.later_entries = count_later(opened, *parse.record, newest);
       if (options_.take_in && result.later_entries > 0) {
-        take_in(opened, std::move(*parse.record), std::move(work), bytes->size());
+        take_in(opened, std::move(*parse.record), std::move(work), bytes.size());
         return;
       }
       result.what = What::kNothingDue;
@@ -124,34 +214,35 @@ class EvidenceRenewer {
       CaseData data = read_case_data(opened);
       result.later_entries = count_later(opened, data, *parse.record);
       if (options_.take_in && result.later_entries > 0) {
-        take_in(opened, std::move(*parse.record), std::move(work), bytes->size());
+        take_in(opened, std::move(*parse.record), std::move(work), bytes.size());
         return;
       }
       result.what = What::kTimeStampRenewed;
       std::erase_if(data.files, [](const NamedFile& named) { return named.stated.has_value(); });
       judge(opened, data, *parse.record, work.file);
       work.newest = evidence::newest_of(*parse.record);
+      work.chosen = crypto::sha256(bytes);
       stamped_.push_back(std::move(work));
     } else if (due.what == evidence::Due::What::kHashTreeRenewal) {
       result.what = What::kHashTreeRenewed;
       require_new_hash(alone.data_hash_end);
       hash_anew(opened, std::move(*parse.record), std::move(work));
-      held_ += 2 * bytes->size();
+      held_ += 2 * bytes.size();
     } else {
       refuse_record(work.file, due.reason);
     }
   }
 
-  void begin(const CaseFolder& folder, EvidenceWork work) {
+  void begin(const CaseFolder& folder, EvidenceWork work, const std::string& why) {
     EvidenceRenewal& result = results_.back();
     const CaseData data = read_case_data(folder);
     if (!data.close) throw StillOpen("it is being recorded, or was not closed");
     require_new_hash({});
     result.what = What::kBegun;
-    result.text = "it had no record";
+    result.text = why;
     if (options_.dry_run) return;
-    require_sound(folder);
-    work.data = hash_data(folder, data, {});
+    const FileHashes taken = require_sound(folder, nullptr);
+    work.data = hash_data(folder, data, {}, taken);
     held_ += work.data.size() * kBytesOfValue;
     begun_.push_back(std::move(work));
   }
@@ -170,28 +261,31 @@ class EvidenceRenewer {
   void hash_anew(const CaseFolder& folder, EvidenceRecord record, EvidenceWork work) {
     if (options_.dry_run) return;
     const CaseData data = read_case_data(folder);
-    require_sound(folder);
-    const CaseEvidence judged = judge(folder, data, record, work.file);
-    work.data = hash_data(folder, data, judged.covered_lines);
+    const FileHashes taken = require_sound(folder, &record);
+    const CaseEvidence judged = judge(folder, data, record, work.file, taken);
+    work.data = hash_data(folder, data, judged.covered_lines, taken);
     work.record = std::move(record);
     held_ += work.data.size() * kBytesOfValue;
     hashed_.push_back(std::move(work));
   }
 
-  [[noreturn]] static void refuse_record(const fs::path& file, const std::string& why) {
-    throw Error(file.string() + " does not hold: " + why +
-                "; see whether the policy and the roots are the right ones, and find out what became of it; "
-                "to have a new one begun, keep this one elsewhere");
+  [[noreturn]] void refuse_record(const std::string& file, const std::string& why) const {
+    const bool stays = case_of(results_.size() - 1).keeps_all_records();
+    throw NoneHolds(file + " does not hold: " + why +
+                    "; see whether the policy and the roots are the right ones, and find out what became of "
+                    "it; to have a new one begun" +
+                    (stays ? " beside it, renew with --begin-anew" : ", keep this one elsewhere"));
   }
   /// A record that could not be checked may hold: it is the only proof of the years before, and whoever moves
   /// it away loses them.
-  [[noreturn]] static void leave_unchecked(const fs::path& file, const std::string& why) {
-    throw Error("whether " + file.string() + " holds could not be checked: " + why +
-                "; leave it where it is until that is known: as a rule a root of its authority is missing in "
-                "trust.pem, or this machine's clock is wrong");
+  [[noreturn]] static void leave_unchecked(const std::string& file, const std::string& why) {
+    throw NoneHolds(
+        "whether " + file + " holds could not be checked: " + why +
+        "; leave it where it is until that is known: as a rule a root of its authority is missing in "
+        "trust.pem, or this machine's clock is wrong");
   }
-  [[noreturn]] static void refuse_unless_it_holds(const fs::path& file,
-                                                  const evidence::RecordJudgement& judged) {
+  [[noreturn]] void refuse_unless_it_holds(const std::string& file,
+                                           const evidence::RecordJudgement& judged) const {
     const evidence::Standing standing = judged.standing();
     const auto worst = std::ranges::find(judged.problems, standing, &evidence::Problem::standing);
     // One that lapsed proves nothing any more, whatever is looked at.
@@ -200,8 +294,8 @@ class EvidenceRenewer {
     refuse_record(file, worst->text);
   }
   CaseEvidence judge(const CaseFolder& folder, const CaseData& data, const EvidenceRecord& record,
-                     const fs::path& file) const {
-    CaseEvidence judged = judge_case_evidence(folder, data, record, rules());
+                     const std::string& file, const FileHashes& taken = {}) const {
+    CaseEvidence judged = judge_case_evidence(folder, data, record, rules(), taken);
     if (judged.could_not_check) leave_unchecked(file, judged.refusal);
     if (!judged.refusal.empty()) refuse_record(file, judged.refusal);
     return judged;
@@ -220,13 +314,19 @@ class EvidenceRenewer {
     }
   }
 
-  /// Throws where the case is not closed, not as its ledger states, or cannot be read.
-  void require_sound(const CaseFolder& folder) const {
+  /// Throws where the case is not closed, not as its ledger states, or cannot be read. Returns what its files
+  /// hash to under all that is asked for next, so that each of them is read once: by the policy's new hash,
+  /// and by those of `record`, which may be null.
+  FileHashes require_sound(const CaseFolder& folder, const EvidenceRecord* record) const {
+    AlsoHash also;
     VerifyOptions options;
     options.trust = options_.trust;
-    options.files = &files_;
+    options.files = &case_of(results_.size() - 1).files();
     options.now = options_.now();
-    const VerificationReport report = verify_case(folder.path(), options);
+    add_hash(also.algorithms, options_.policy.new_hash());
+    for (std::size_t i = 0; record != nullptr && i < record->chains.size(); ++i)
+      add_hash(also.algorithms, evidence::hash_of_chain(record->chains[i]));
+    const VerificationReport report = verify_case(folder.path(), options, also);
     const Finding* first = nullptr;
     const Finding* open = nullptr;
     std::vector<std::string> unread;
@@ -244,15 +344,17 @@ class EvidenceRenewer {
           std::move(unread));
     }
     if (open != nullptr) throw StillOpen(open->text);
+    return std::move(also.taken);
   }
 
   /// Throws where the record does not hold a note of its case: then it is another's. Returns the size of the
   /// newest note.
   std::uint64_t require_note(const CaseFolder& folder, const EvidenceRecord& record,
-                             const fs::path& file) const {
+                             const std::string& file) const {
     std::optional<std::uint64_t> smallest;
     std::uint64_t newest = 0;
-    for (const std::string& name : files_.names_in(folder.path() / kCheckpointsFolder)) {
+    const FileReading& files = case_of(results_.size() - 1).files();
+    for (const std::string& name : files.names_in(folder.path() / kCheckpointsFolder)) {
       const auto size = size_of_note_name(name);
       if (size && *size > 0 && (!smallest || *size < *smallest)) smallest = size;
       newest = std::max(newest, size.value_or(0));
@@ -289,7 +391,8 @@ class EvidenceRenewer {
   /// Of all data of the case as it is now, with the beginnings of its ledger that older chains cover. The
   /// case was verified, so what its ledger states of files is their SHA-256.
   [[nodiscard]] evidence::HashList hash_data(const CaseFolder& folder, const CaseData& data,
-                                             std::vector<std::uint64_t> beginnings) const {
+                                             std::vector<std::uint64_t> beginnings,
+                                             const FileHashes& taken) const {
     const crypto::HashAlgorithm algorithm = options_.policy.new_hash();
     if (data.note_sizes.empty()) throw Error(folder.path().string() + " has no checkpoint");
     const std::uint64_t newest = data.note_sizes.back();
@@ -302,6 +405,10 @@ class EvidenceRenewer {
       if (named.entry >= newest) continue;
       if (algorithm == crypto::HashAlgorithm::kSha256 && named.stated) {
         values.push_back(to_bytes(ByteView(named.stated->sha256)));
+        continue;
+      }
+      if (const auto known = taken.find({named.file, algorithm}); named.stated && known != taken.end()) {
+        values.push_back(known->second);
         continue;
       }
       try {
@@ -357,13 +464,15 @@ class EvidenceRenewer {
   }
 
   void append_to_record(const EvidenceWork& work, evidence::ArchiveTimeStamp made) {
-    const std::optional<Bytes> bytes = read_evidence_file(files_, work.file);
-    evidence::RecordParse parse = bytes ? evidence::parse_record(*bytes) : evidence::RecordParse{};
-    if (!parse.record || evidence::newest_of(*parse.record) != work.newest) {
-      throw Error(work.file.string() + " was changed while its renewal was asked for: find out by what");
+    for (const Bytes& bytes : case_of(work.answer).read_records(results_[work.answer].case_id)) {
+      if (crypto::sha256(bytes) != work.chosen) continue;
+      evidence::RecordParse parse = evidence::parse_record(bytes);
+      if (!parse.record) break;
+      parse.record->chains.back().push_back(std::move(made));
+      write(work, *parse.record);
+      return;
     }
-    parse.record->chains.back().push_back(std::move(made));
-    write(work, *parse.record);
+    throw Error(work.file + " was changed while its renewal was asked for: find out by what");
   }
 
   template <typename Make>
@@ -387,7 +496,7 @@ class EvidenceRenewer {
     } catch (const Error& error) {
       const std::string why = error.what();
       for (const EvidenceWork& work : works) {
-        guard(results_[work.answer], [&] { throw Waits("no time-stamp came: " + why); });
+        guard(results_[work.answer], [&] { throw RenewalWaits("no time-stamp came: " + why); });
       }
       return false;
     }
@@ -396,28 +505,26 @@ class EvidenceRenewer {
   void write(const EvidenceWork& work, const EvidenceRecord& record) {
     const evidence::RecordJudgement judged = evidence::judge_record(record, {}, rules());
     if (!judged.problems.empty()) {
-      throw Waits("the time-stamp that came would not hold: " + judged.problems.front().text);
+      throw RenewalWaits("the time-stamp that came would not hold: " + judged.problems.front().text);
     }
     EvidenceRenewal& result = results_[work.answer];
     if (work.outside && !judged.outside()) {
-      throw Waits(
+      throw RenewalWaits(
           "the recorder's own authority alone answered, and its time-stamp would make the record "
           "self-issued: add an outside [[authority]] to kiroku.toml");
     }
     if (result.what == What::kTimeStampRenewed && work.end && judged.end && judged.end->time <= *work.end) {
-      throw Waits("the time-stamp that came lasts no longer than the record, because " + judged.end->of +
-                  " ends at " + format_utc(judged.end->time) + ": add another [[authority]] to kiroku.toml");
+      throw RenewalWaits("the time-stamp that came lasts no longer than the record, because " +
+                         judged.end->of + " ends at " + format_utc(judged.end->time) +
+                         ": add another [[authority]] to kiroku.toml");
     }
     result.before = judged.end ? std::optional(judged.end->time) : std::nullopt;
-    const fs::path folder = work.file.parent_path();
-    if (!files_.is_folder(folder)) {
-      files_.make_folder(folder);
-      files_.sync_folder(folder.parent_path());
-    }
-    files_.write_durably(work.file, evidence::encode_record(record));
+    const Bytes bytes = evidence::encode_record(record);
+    case_of(work.answer).write_record(result.case_id, bytes);
+    result.holds = crypto::sha256(bytes);
   }
 
-  FileSystem& files_;
+  const std::vector<std::unique_ptr<RenewableCase>>& cases_;
   const EvidenceRenewalOptions& options_;
   std::vector<EvidenceRenewal> results_;
   std::vector<EvidenceWork> begun_, stamped_, hashed_;
@@ -467,9 +574,17 @@ EvidenceLock EvidenceLock::take(FileSystem& files, const fs::path& archive) {
   return EvidenceLock(std::move(opened));
 }
 
+std::vector<EvidenceRenewal> renew_evidence(const std::vector<std::unique_ptr<RenewableCase>>& cases,
+                                            const EvidenceRenewalOptions& options) {
+  return EvidenceRenewer(cases, options).run();
+}
+
 std::vector<EvidenceRenewal> renew_evidence(FileSystem& files, const std::vector<fs::path>& cases,
                                             const EvidenceRenewalOptions& options) {
-  return EvidenceRenewer(files, options).run(cases);
+  std::vector<std::unique_ptr<RenewableCase>> in_folders;
+  in_folders.reserve(cases.size());
+  for (const fs::path& folder : cases) in_folders.push_back(std::make_unique<CaseInFolder>(files, folder));
+  return renew_evidence(in_folders, options);
 }
 
 }  // namespace kiroku::archive

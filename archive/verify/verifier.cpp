@@ -22,6 +22,7 @@
 #include "archive/verify/finding_list.h"
 #include "archive/verify/folder_names.h"
 #include "archive/verify/found_files.h"
+#include "archive/verify/hashing_verifier.h"
 #include "archive/verify/log_beside.h"
 #include "archive/verify/log_proof.h"
 #include "archive/verify/log_rules.h"
@@ -55,9 +56,10 @@ class CaseVerification {
  public:
   // The folder is listed before the ledger is read: of a case that is being recorded, everything listed then
   // has its entry, apart from what is in the making.
-  CaseVerification(const CaseFolder& folder, const VerifyOptions& options)
+  CaseVerification(const CaseFolder& folder, const VerifyOptions& options, AlsoHash* also)
       : folder_(folder),
         options_(options),
+        also_(also),
         listing_(folder.list()),
         checkpoints_(folder, options, findings_, note_sizes(listing_), are_notes_listed(listing_)),
         files_(folder, options, findings_, bytes_in(listing_)),
@@ -95,7 +97,12 @@ class CaseVerification {
   void walk(const ReadableFile& ledger) {
     const std::optional<OpenEntry> open = read_opening(ledger);
     if (open) {
-      files_.also_hash(further_hashes_of_case(folder_, open->case_id, options_));
+      std::vector<crypto::HashAlgorithm> further = further_hashes_of_case(folder_, open->case_id, options_);
+      for (std::size_t i = 0; also_ != nullptr && i < also_->algorithms.size(); ++i) {
+        const crypto::HashAlgorithm algorithm = also_->algorithms[i];
+        if (std::ranges::find(further, algorithm) == further.end()) further.push_back(algorithm);
+      }
+      files_.also_hash(std::move(further));
     }
     const LogBeside log = read_log_beside(options_, open, by_log_);
     walked_log_ = log.walked;
@@ -351,6 +358,7 @@ class CaseVerification {
     report.bytes = bytes_in(listing_) - left_.bytes;
     report.left_by_systems = left_.files;
     report.contents = files_.contents();
+    if (also_ != nullptr) also_->taken = files_.further_hashes();
     report.brackets = rules_.tokens().brackets(0, tree_.size());
     report.clocks = rules_.tokens().clocks();
     take_log_findings(by_log_, options_, findings_);
@@ -372,6 +380,7 @@ class CaseVerification {
 
   const CaseFolder& folder_;
   const VerifyOptions& options_;
+  AlsoHash* const also_;  // may be null
   FindingList findings_, by_log_;
   std::vector<ListedFile> listing_;
   std::set<std::string> not_entered_;
@@ -535,7 +544,7 @@ bool may_be_of_a_change(const VerificationReport& report) {
 
 /// One run, and whether its ledger grew meanwhile.
 std::pair<VerificationReport, bool> verify_once(const std::filesystem::path& folder,
-                                                const VerifyOptions& options) {
+                                                const VerifyOptions& options, AlsoHash* also) {
   const CaseFolder opened =
       CaseFolder::open(folder, options.files == nullptr ? real_reading() : *options.files);
   if (is_excerpt(opened)) {
@@ -555,22 +564,32 @@ std::pair<VerificationReport, bool> verify_once(const std::filesystem::path& fol
       return {std::move(*newer), false};
     }
   }
-  VerificationReport report = CaseVerification(opened, options).run();
+  VerificationReport report = CaseVerification(opened, options, also).run();
   const bool grew = ledger.file && ledger_bytes(opened) != ledger.file->size();
   return {std::move(report), grew};
 }
 
-}  // namespace
-
 // Whoever writes to the ledger all the time makes this take three times as long, and no longer.
-VerificationReport verify_case(const std::filesystem::path& folder, const VerifyOptions& options) {
+VerificationReport verify_settled(const std::filesystem::path& folder, const VerifyOptions& options,
+                                  AlsoHash* also) {
   constexpr int kMostRuns = 3;
   for (int run = 1;; ++run) {
-    auto [report, grew] = verify_once(folder, options);
+    auto [report, grew] = verify_once(folder, options, also);
     if (!grew || run == kMostRuns || !may_be_of_a_change(report)) {
       return std::move(report);
     }
   }
+}
+
+}  // namespace
+
+VerificationReport verify_case(const std::filesystem::path& folder, const VerifyOptions& options) {
+  return verify_settled(folder, options, nullptr);
+}
+
+VerificationReport verify_case(const std::filesystem::path& folder, const VerifyOptions& options,
+                               AlsoHash& also) {
+  return verify_settled(folder, options, &also);
 }
 
 VerificationReport verify_log(const std::filesystem::path& folder, const VerifyOptions& options) {

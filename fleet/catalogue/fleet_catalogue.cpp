@@ -14,7 +14,8 @@ namespace {
 using archive::CaseStamp;
 using archive::CatalogueRow;
 
-constexpr std::int64_t kVersion = 5, kWithReports = 2, kWithStricterAlarms = 3, kWithTraces = 4;
+constexpr std::int64_t kVersion = 6, kWithReports = 2, kWithStricterAlarms = 3, kWithTraces = 4,
+                       kWithNotes = 5;
 
 // A statement each. Times are of microseconds, as in ledgers.
 constexpr const char* kTables[] = {
@@ -148,6 +149,25 @@ constexpr const char* kSearchNotes[] = {
          PRIMARY KEY (appliance, case_id)))",
 };
 
+// What version 6 has more: when each case's evidence record was last looked at
+// (fleet/catalogue/renewal_board). The records themselves lie in the store.
+constexpr const char* kRenewals[] = {
+    R"(CREATE TABLE kiroku.renewals (
+         appliance    text COLLATE "C" NOT NULL,
+         case_id      text COLLATE "C" NOT NULL,
+         looked       timestamptz,  -- when the newest look began that was brought to its end
+         judged_by    text,         -- by which policy and roots
+         what         text,         -- what was done, or why nothing was
+         detail       text,
+         renew_from   timestamptz,  -- from then on the record is due; null: no end is known
+         again        boolean NOT NULL DEFAULT false,  -- something was left to be done
+         record       text,         -- SHA-256 of the record, where all that it covers was compared with the case
+         leased_by    text,
+         leased_at    timestamptz,
+         leased_until timestamptz,
+         PRIMARY KEY (appliance, case_id)))",
+};
+
 // Roles belong to the whole server, and may be there from another database of it.
 constexpr const char* kRoles[] = {
     R"(DO $$ DECLARE role text; BEGIN
@@ -168,6 +188,7 @@ constexpr const char* kRoles[] = {
     R"(GRANT UPDATE (verdict, verified, alarm, unchecked, pending, leased_by, leased_until)
          ON kiroku.cases TO kiroku_verifier)",
     "GRANT INSERT ON kiroku.verifications TO kiroku_verifier",
+    "GRANT INSERT, UPDATE ON kiroku.renewals TO kiroku_verifier",
     "GRANT INSERT, UPDATE ON kiroku.appliances TO kiroku_reporter",
     "GRANT INSERT, UPDATE (refused), DELETE ON kiroku.certificates TO kiroku_reporter",
     "GRANT INSERT, UPDATE (certificate), DELETE ON kiroku.enrolments TO kiroku_reporter",
@@ -324,8 +345,11 @@ void FleetCatalogue::prepare(Postgres& database) {
     if (!there || *there < kWithTraces) {
       for (const char* statement : kTracesOfCopies) database.ask(statement);
     }
-    if (!there || *there < kVersion) {
+    if (!there || *there < kWithNotes) {
       for (const char* statement : kSearchNotes) database.ask(statement);
+    }
+    if (!there || *there < kVersion) {
+      for (const char* statement : kRenewals) database.ask(statement);
       database.ask("UPDATE kiroku.version SET version = $1", {number(kVersion)});
     }
     for (const char* statement : kRoles) database.ask(statement);

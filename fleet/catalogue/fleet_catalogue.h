@@ -89,9 +89,9 @@ class FleetCatalogue {
  public:
   /// Makes tables and roles, or brings older ones up to this program's version. `database` belongs to
   /// somebody who may create roles. kiroku_reader may read; kiroku_indexer may also write rows;
-  /// kiroku_verifier may also lease cases and enter verdicts; kiroku_reporter may also enrol appliances and
-  /// take their reports. No role may change or remove what was entered into a case's verifications, and
-  /// kiroku_indexer no verdict.
+  /// kiroku_verifier may also lease cases, enter verdicts and what renewals found; kiroku_reporter may also
+  /// enrol appliances and take their reports. No role may change or remove what was entered into a case's
+  /// verifications, and kiroku_indexer no verdict.
   static void prepare(Postgres& database);
 
   /// Takes the connection. Throws UsageError where prepare() of this version has not been run on it.

@@ -1,10 +1,30 @@
 #include "fleet/catalogue/lease_keeper.h"
 
+#include <memory>
+#include <utility>
+
 namespace kiroku::fleet {
 
 LeaseKeeper::LeaseKeeper(const Lease& lease, const std::function<FleetCatalogue()>& open,
                          std::chrono::milliseconds every)
-    : lease_(lease), open_(open), every_(every), thread_([this] { keep(); }) {}
+    : LeaseKeeper(
+          // Most cases are verified before the first extension is due: those cost no connection.
+          [&lease, &open, catalogue = std::make_shared<std::optional<FleetCatalogue>>()] {
+            try {
+              if (!*catalogue) catalogue->emplace(open());
+              return (*catalogue)->extend(lease, kLease);
+            } catch (...) {
+              catalogue->reset();
+              throw;
+            }
+          },
+          kMostExtensions, every) {}
+
+LeaseKeeper::LeaseKeeper(std::function<bool()> extend, int most_extensions, std::chrono::milliseconds every)
+    : extend_(std::move(extend)),
+      most_extensions_(most_extensions),
+      every_(every),
+      thread_([this] { keep(); }) {}
 
 LeaseKeeper::~LeaseKeeper() {
   {
@@ -16,26 +36,19 @@ LeaseKeeper::~LeaseKeeper() {
 }
 
 void LeaseKeeper::keep() {
-  // Most cases are verified before the first extension is due: those cost no connection.
-  std::optional<FleetCatalogue> catalogue;
   std::unique_lock lock(mutex_);
-  for (int times = 0; times < kMostExtensions; ++times) {
+  for (int times = 0; times < most_extensions_; ++times) {
     if (end_.wait_for(lock, every_, [this] { return ended_; })) return;
     lock.unlock();
-    const bool is_ours = extend(catalogue);
+    bool is_ours = true;
+    try {
+      is_ours = extend_();
+    } catch (const std::exception&) {
+      // The worker itself tells of a database that is away, once it enters what it found.
+      is_ours = true;
+    }
     lock.lock();
     if (!is_ours) return;
-  }
-}
-
-bool LeaseKeeper::extend(std::optional<FleetCatalogue>& catalogue) const {
-  try {
-    if (!catalogue) catalogue.emplace(open_());
-    return catalogue->extend(lease_, kLease);
-  } catch (const std::exception&) {
-    // The worker itself tells of a database that is away, once it enters its verdict.
-    catalogue.reset();
-    return true;
   }
 }
 

@@ -27,17 +27,19 @@ class LeaseKeeper {
   /// `open` connects to the catalogue, by the thread; it must outlive the object, as `lease` must.
   LeaseKeeper(const Lease& lease, const std::function<FleetCatalogue()>& open,
               std::chrono::milliseconds every = kExtendEvery);
+  /// What `extend` extends, by the thread: false where it is this worker's no longer. What it throws is not
+  /// told, and it is asked again.
+  LeaseKeeper(std::function<bool()> extend, int most_extensions,
+              std::chrono::milliseconds every = kExtendEvery);
   ~LeaseKeeper();
   LeaseKeeper(const LeaseKeeper&) = delete;
   LeaseKeeper& operator=(const LeaseKeeper&) = delete;
 
  private:
   void keep();
-  /// False where the lease is this worker's no longer.
-  bool extend(std::optional<FleetCatalogue>& catalogue) const;
 
-  const Lease& lease_;
-  const std::function<FleetCatalogue()>& open_;
+  const std::function<bool()> extend_;
+  const int most_extensions_;
   const std::chrono::milliseconds every_;
   std::mutex mutex_;
   std::condition_variable end_;

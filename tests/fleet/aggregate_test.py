@@ -32,8 +32,8 @@ class PatientServer(http.server.ThreadingHTTPServer):
 class CountingAuthority:
     """An outside authority. Whoever asks has an address of their own, by which they are counted."""
 
-    def __init__(self, folder):
-        self.authority, self.asked = stamp.Authority(folder, "Outside"), collections.Counter()
+    def __init__(self, folder, name="Outside", **given):
+        self.authority, self.asked = stamp.Authority(folder, name, **given), collections.Counter()
         counting = self
 
         class Handler(http.server.BaseHTTPRequestHandler):

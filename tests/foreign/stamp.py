@@ -250,7 +250,7 @@ def judge(response, roots, own_roots):
 class Authority:
     """A time-stamping authority for tests: a root and a signer made by `openssl`, kept in `folder`."""
 
-    def __init__(self, folder, name, policy="1.3.6.1.4.1.4146.2.3", accuracy="secs:1", ordering="no", root_name=None):
+    def __init__(self, folder, name, policy="1.3.6.1.4.1.4146.2.3", accuracy="secs:1", ordering="no", root_name=None, days=3650, digests="sha256"):
         self.folder, self.name, self.policy, self.serial = pathlib.Path(folder), name, policy, threading.Lock()
         self.folder.mkdir(parents=True)
         (self.folder / "authority.cnf").write_text(f"""\
@@ -278,7 +278,7 @@ signer_key = {self.folder}/signer.key
 certs = {self.folder}/root.pem
 signer_digest = sha256
 default_policy = {policy}
-digests = sha256
+digests = {digests}
 accuracy = {accuracy}
 clock_precision_digits = 6
 ordering = {ordering}
@@ -288,10 +288,10 @@ ess_cert_id_alg = sha256
 """)
         curve = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes"]
         config = ["-config", self.path("authority.cnf")]
-        self._run("req", "-x509", *curve, "-keyout", self.path("root.key"), "-out", self.path("root.pem"), "-days", "3650", "-subj", f"/CN={root_name or name + ' root'}",
+        self._run("req", "-x509", *curve, "-keyout", self.path("root.key"), "-out", self.path("root.pem"), "-days", str(days), "-subj", f"/CN={root_name or name + ' root'}",
                   *config, "-extensions", "root")
         self._run("req", "-new", *curve, "-keyout", self.path("signer.key"), "-out", self.path("signer.csr"), "-subj", f"/CN={name} signer", *config)
-        self._run("x509", "-req", "-in", self.path("signer.csr"), "-CA", self.path("root.pem"), "-CAkey", self.path("root.key"), "-set_serial", "2", "-days", "3650",
+        self._run("x509", "-req", "-in", self.path("signer.csr"), "-CA", self.path("root.pem"), "-CAkey", self.path("root.key"), "-set_serial", "2", "-days", str(days),
                   "-out", self.path("signer.pem"), "-extfile", self.path("authority.cnf"), "-extensions", "signer")
 
     def path(self, name):

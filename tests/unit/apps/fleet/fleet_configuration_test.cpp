@@ -84,5 +84,19 @@ TEST(FleetConfiguration, RefusesCopiesThatAreNone) {
               HasSubstr("unknown key 'endpoint'"));
 }
 
+TEST(FleetConfiguration, ReadsHowEvidenceRecordsAreRenewed) {
+  const FleetConfiguration read = FleetConfiguration::parse(
+      kFleet + "[evidence]\npolicy = \"algorithms.toml\"\ncredentials = \"put\"\nevery = \"30d\"\n",
+      "/etc/kiroku/fleet.toml");
+  EXPECT_EQ(read.policy_file(), "/etc/kiroku/algorithms.toml");
+  EXPECT_EQ(read.evidence.credentials, "put");
+  EXPECT_EQ(read.evidence.look_every, std::chrono::hours(24 * 30));
+  const FleetConfiguration without = FleetConfiguration::parse(kFleet, "fleet.toml");
+  EXPECT_FALSE(without.policy_file());
+  EXPECT_EQ(without.evidence.look_every, std::chrono::hours(24 * 91));
+  EXPECT_THAT(refusal(kFleet + "[evidence]\nevery = \"1s\"\n"), HasSubstr("an hour at least"));
+  EXPECT_THAT(refusal(kFleet + "[evidence]\npolicies = \"a\"\n"), HasSubstr("unknown key 'policies'"));
+}
+
 }  // namespace
 }  // namespace kiroku::apps

@@ -1,6 +1,9 @@
 #include "archive/upkeep/evidence_renewal.h"
 
 #include <fstream>
+#include <map>
+#include <memory>
+#include <mutex>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -73,6 +76,10 @@ name = "ecdsa"
 name = "ed25519"
 until = 2039-12-31
 )";
+
+  static constexpr const char* kShortPolicy =
+      "new_hash = \"sha512\"\n[[algorithm]]\nname = \"sha256\"\nuntil = 2033-12-31\n[[algorithm]]\nname = "
+      "\"sha512\"\n[[algorithm]]\nname = \"ecdsa\"\n[[algorithm]]\nname = \"ed25519\"\n";
 
   test::SampleArchive archive_;
   PlayedAuthority first_{"First", "2026-01-01", "2034-01-01"};
@@ -412,6 +419,124 @@ TEST_F(EvidenceRenewalTest, ADiskThatCannotBeWrittenLeavesTheRecordAsItWas) {
   EXPECT_THAT(results[0].text, HasSubstr("No space left"));
   EXPECT_EQ(test::contents(record_of(cases_[0])), before);
   EXPECT_EQ(results[1].what, What::kTimeStampRenewed) << results[1].text;
+}
+
+/// Counts how often each segment is opened.
+class CountingFiles final : public FileReading {
+ public:
+  int open_at(int folder, const std::string& name, int flags, const fs::path& path) const override {
+    const std::lock_guard guard(mutex_);
+    if (name.ends_with(".age") && path.string().find("/segments/") != std::string::npos)
+      ++opened_[path.string()];
+    return FileReading::open_at(folder, name, flags, path);
+  }
+  [[nodiscard]] std::map<std::string, int> opened() const {
+    const std::lock_guard guard(mutex_);
+    return opened_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  mutable std::map<std::string, int> opened_;
+};
+
+/// A case whose records are kept in versions, as a store keeps them.
+class CaseInVersions final : public RenewableCase {
+ public:
+  CaseInVersions(fs::path folder, std::vector<Bytes>& versions)
+      : folder_(std::move(folder)), versions_(versions) {}
+  [[nodiscard]] std::string name() const override { return "case"; }
+  fs::path folder() override { return folder_; }
+  const FileReading& files() override { return files_; }
+  [[nodiscard]] std::string record_place(const std::string& case_id) const override { return case_id; }
+  std::vector<Bytes> read_records(const std::string& /*case_id*/) override { return versions_; }
+  void write_record(const std::string& /*case_id*/, ByteView record) override {
+    versions_.push_back(to_bytes(record));
+  }
+  [[nodiscard]] bool keeps_all_records() const override { return true; }
+  void let_go() override {
+    if (is_away) throw RenewalWaits("the store does not answer");
+  }
+  [[nodiscard]] const CountingFiles& counted() const { return files_; }
+
+  bool is_away = false;
+
+ private:
+  const fs::path folder_;
+  std::vector<Bytes>& versions_;
+  CountingFiles files_;
+};
+
+TEST_F(EvidenceRenewalTest, OfSeveralRecordsTheOneThatHoldsIsRenewedAndAllStay) {
+  renew(at("2027-01-01", first_));
+  const Bytes right = to_bytes(test::contents(record_of(cases_[0])));
+  const Bytes others = to_bytes(test::contents(record_of(cases_[1])));
+  std::vector<Bytes> versions{to_bytes("nonsense"), others, right};
+  std::vector<std::unique_ptr<RenewableCase>> cases;
+  cases.push_back(std::make_unique<CaseInVersions>(cases_[0], versions));
+  const EvidenceRenewal done = renew_evidence(cases, at("2033-10-01", second_)).front();
+  EXPECT_EQ(done.what, What::kTimeStampRenewed) << done.text;
+  ASSERT_EQ(versions.size(), 4U);
+  EXPECT_EQ(done.holds, crypto::sha256(versions.back()));
+  std::ofstream(record_of(cases_[0]), std::ios::binary) << text_of(versions.back());
+  EXPECT_TRUE(verify(cases_[0], "2035-01-01").evidence->holds);
+  const EvidenceRenewal again = renew_evidence(cases, at("2034-06-01", second_)).front();
+  EXPECT_EQ(again.what, What::kNothingDue) << again.text;
+  EXPECT_EQ(again.holds, crypto::sha256(versions.back()));
+}
+
+TEST_F(EvidenceRenewalTest, BesideARecordThatLapsedOneIsBegunWhereBothStay) {
+  renew(at("2027-01-01", first_));
+  const Bytes lapsed = to_bytes(test::contents(record_of(cases_[0])));
+  std::vector<Bytes> versions{lapsed};
+  std::vector<std::unique_ptr<RenewableCase>> cases;
+  cases.push_back(std::make_unique<CaseInVersions>(cases_[0], versions));
+  EvidenceRenewalOptions options = at("2035-01-01", second_);
+  const EvidenceRenewal refused = renew_evidence(cases, options).front();
+  EXPECT_EQ(refused.what, What::kRefused);
+  EXPECT_THAT(refused.text, HasSubstr("begun beside it, renew with --begin-anew"));
+  EXPECT_EQ(versions.size(), 1U);
+  options.begin_anew = true;
+  const EvidenceRenewal begun = renew_evidence(cases, options).front();
+  EXPECT_EQ(begun.what, What::kBegun) << begun.text;
+  EXPECT_THAT(begun.text, HasSubstr("does not hold"));
+  ASSERT_EQ(versions.size(), 2U);
+  EXPECT_EQ(versions[0], lapsed);
+  EXPECT_EQ(renew_evidence(cases, options).front().what, What::kNothingDue);
+  // On a disk the new one would take the old one's place.
+  EXPECT_EQ(renew(options)[0].what, What::kRefused);
+  EXPECT_EQ(to_bytes(test::contents(record_of(cases_[0]))), lapsed);
+}
+
+TEST_F(EvidenceRenewalTest, WhatCouldNotBeReadForNowSaysNothingOfTheCase) {
+  std::vector<Bytes> versions, of_other;
+  std::vector<std::unique_ptr<RenewableCase>> cases;
+  auto away = std::make_unique<CaseInVersions>(cases_[0], versions);
+  away->is_away = true;
+  cases.push_back(std::move(away));
+  cases.push_back(std::make_unique<CaseInVersions>(cases_[1], of_other));
+  const auto results = renew_evidence(cases, at("2027-01-01", first_));
+  EXPECT_EQ(results[0].what, What::kWaits);
+  EXPECT_EQ(results[0].text, "the store does not answer");
+  EXPECT_TRUE(versions.empty());
+  EXPECT_EQ(results[1].what, What::kBegun) << results[1].text;
+  EXPECT_EQ(of_other.size(), 1U);
+}
+
+TEST_F(EvidenceRenewalTest, ANewHashReadsEachSegmentOnce) {
+  std::vector<Bytes> versions;
+  std::vector<std::unique_ptr<RenewableCase>> cases;
+  auto owned = std::make_unique<CaseInVersions>(cases_[0], versions);
+  const CaseInVersions* const of = owned.get();
+  cases.push_back(std::move(owned));
+  renew_evidence(cases, at("2027-01-01", first_));
+  ASSERT_EQ(versions.size(), 1U);
+  const std::map<std::string, int> begun = of->counted().opened();
+  EXPECT_GE(begun.size(), 2U);
+  const EvidenceRenewal done = renew_evidence(cases, at("2033-10-01", second_, kShortPolicy)).front();
+  EXPECT_EQ(done.what, What::kHashTreeRenewed) << done.text;
+  for (const auto& [segment, times] : of->counted().opened())
+    EXPECT_EQ(times - begun.at(segment), 1) << segment;
 }
 
 TEST_F(EvidenceRenewalTest, OneProcessAtATimeRenews) {

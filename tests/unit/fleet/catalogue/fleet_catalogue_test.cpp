@@ -10,6 +10,7 @@
 
 #include "fleet/catalogue/fleet_reports.h"
 #include "fleet/catalogue/lease_keeper.h"
+#include "fleet/catalogue/renewal_board.h"
 #include "tests/support/case_table_suite.h"
 #include "tests/support/temporary_folder.h"
 
@@ -51,7 +52,12 @@ class OfItsOwn : public testing::Test {
     database.ask("CREATE ROLE " + user_of(role) + " LOGIN IN ROLE " + role);
     return user_of(role);
   }
+  static void make_the_fifth_version(Postgres& database) {
+    database.ask("DROP TABLE kiroku.renewals");
+    database.ask("UPDATE kiroku.version SET version = 5");
+  }
   static void make_the_fourth_version(Postgres& database) {
+    make_the_fifth_version(database);
     database.ask("DROP TABLE kiroku.search_notes");
     database.ask("UPDATE kiroku.version SET version = 4");
   }
@@ -532,6 +538,132 @@ TEST_F(FleetCatalogueTest, ADatabaseWithoutOneOfAnotherVersionOrAwayIsToldOf) {
   }
 }
 
+// Whose evidence record is to be looked at.
+class RenewalBoardTest : public FleetCatalogueTest {
+ protected:
+  RenewalBoard board(const std::string& user = "administrator") {
+    return RenewalBoard(Postgres(connection(user)));
+  }
+  /// Of a run that begins now.
+  RenewalBoard::Due run(const std::string& judged_by = "rules") {
+    return {board_.now(), 0s, judged_by, 91 * 24h, false};
+  }
+  std::vector<std::string> leased(const RenewalBoard::Due& of, const std::string& holder = "one",
+                                  std::size_t most = 100) {
+    std::vector<std::string> names;
+    for (const RenewalTurn& each : board_.lease(of, most, holder, 600s))
+      names.push_back(each.appliance + "/" + each.case_id);
+    std::ranges::sort(names);
+    return names;
+  }
+  static RenewalFound nothing_due(const std::string& case_id, std::optional<UtcTime> renew_from = {}) {
+    RenewalFound found;
+    found.appliance = "or-1";
+    found.case_id = case_id;
+    found.what = "nothing-due";
+    found.renew_from = renew_from;
+    found.record = "ab";
+    return found;
+  }
+
+  RenewalBoard board_ = board();
+};
+
+TEST_F(RenewalBoardTest, EachRunLooksOnceAtWhatIsDue) {
+  put("or-1", "a", day(1));
+  put("or-1", "b", day(2));
+  put("or-2", "a", day(3), "open");
+  const RenewalBoard::Due first = run();
+  EXPECT_THAT(leased(first), ElementsAre("or-1/a", "or-1/b"));
+  EXPECT_TRUE(board_.enter("one", "rules", nothing_due("a")));
+  RenewalFound waits = nothing_due("b");
+  waits.again = true;
+  EXPECT_TRUE(board_.enter("one", "rules", waits));
+  EXPECT_FALSE(board_.enter("one", "rules", waits)) << "the lease has ended";
+  EXPECT_THAT(leased(first), IsEmpty()) << "this run has looked at both";
+  // The next run looks at what was left undone, and gives the record that was known.
+  const std::vector<RenewalTurn> next = board_.lease(run(), 100, "two", 600s);
+  ASSERT_EQ(next.size(), 1U);
+  EXPECT_EQ(next[0].case_id, "b");
+  EXPECT_EQ(next[0].record, "ab");
+  EXPECT_TRUE(board_.enter("two", "rules", nothing_due("b")));
+  EXPECT_THAT(leased(run()), IsEmpty());
+  // Another policy, a record that is due by now, a case that changed.
+  EXPECT_THAT(leased(run("others"), "three"), ElementsAre("or-1/a", "or-1/b"));
+  EXPECT_TRUE(board_.enter("three", "others", nothing_due("a", board_.now() - 1s)));
+  EXPECT_TRUE(board_.enter("three", "others", nothing_due("b", board_.now() + 1h)));
+  EXPECT_THAT(leased(run("others"), "four"), ElementsAre("or-1/a"));
+  EXPECT_TRUE(board_.enter("four", "others", nothing_due("a")));
+  put("or-1", "b", day(2), "closed", 7);
+  EXPECT_THAT(leased(run("others"), "five"), ElementsAre("or-1/b"));
+  board_.give_back("five");
+  RenewalBoard::Due all = run("others");
+  all.all = true;
+  EXPECT_EQ(board_.look(all).size(), 2U);
+  RenewalBoard::Due seldom = run("others");
+  seldom.every = 0s;
+  EXPECT_EQ(board_.look(seldom).size(), 2U);
+}
+
+TEST_F(RenewalBoardTest, WorkersShareTheCasesAndNoneIsTwoWorkers) {
+  for (int i = 0; i < 60; ++i) put("or-1", "case" + std::to_string(i), day(i));
+  const RenewalBoard::Due due = run();
+  std::vector<std::future<std::vector<RenewalTurn>>> workers;
+  for (int i = 0; i < 4; ++i) {
+    workers.push_back(std::async(std::launch::async, [this, &due, i] {
+      RenewalBoard own = board();
+      std::vector<RenewalTurn> turns;
+      for (;;) {
+        const auto more = own.lease(due, 7, "worker" + std::to_string(i), 600s);
+        if (more.empty()) return turns;
+        turns.insert(turns.end(), more.begin(), more.end());
+      }
+    }));
+  }
+  std::set<std::string> cases;
+  std::size_t count = 0;
+  for (auto& worker : workers) {
+    for (const RenewalTurn& each : worker.get()) {
+      cases.insert(each.case_id);
+      ++count;
+    }
+  }
+  EXPECT_EQ(count, 60U);
+  EXPECT_EQ(cases.size(), 60U);
+  EXPECT_EQ(board_.held_elsewhere(due), 60U);
+  int holders = 0;
+  for (int i = 0; i < 4; ++i) holders += board_.extend("worker" + std::to_string(i), 600s) ? 1 : 0;
+  EXPECT_GE(holders, 1);
+  EXPECT_FALSE(board_.extend("a stranger", 600s));
+}
+
+TEST_F(RenewalBoardTest, WhatAKilledWorkerHeldIsFreeAgain) {
+  put("or-1", "a", day(1));
+  ASSERT_EQ(board_.lease(run(), 10, "killed", 0s).size(), 1U);
+  EXPECT_THAT(leased(run(), "another"), ElementsAre("or-1/a"));
+  EXPECT_FALSE(board_.enter("killed", "rules", nothing_due("a"))) << "it is the other's by now";
+  EXPECT_TRUE(board_.enter("another", "rules", nothing_due("a")));
+}
+
+TEST_F(RenewalBoardTest, VerifiersMayRenewAndOthersLook) {
+  put("or-1", "a", day(1));
+  RenewalBoard reader = board(with_role("kiroku_reader"));
+  EXPECT_EQ(reader.look(run()).size(), 1U);
+  expect_refused([&] { reader.lease(run(), 1, "x", 600s); }, "permission denied");
+  RenewalBoard verifier = board(with_role("kiroku_verifier"));
+  EXPECT_EQ(verifier.lease(run(), 1, "x", 600s).size(), 1U);
+  EXPECT_TRUE(verifier.enter("x", "rules", nothing_due("a")));
+}
+
+TEST_F(RenewalBoardTest, ACatalogueOfBeforeGetsATableForRenewals) {
+  put("or-1", "a", day(1));
+  Postgres database(connection());
+  make_the_fifth_version(database);
+  EXPECT_THAT([&] { (void)board(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
+  FleetCatalogue::prepare(database);
+  EXPECT_EQ(board().look(run()).size(), 1U);
+}
+
 // Who may report, and what each said last.
 class FleetReportsTest : public OfItsOwn {
  protected:
@@ -814,7 +946,8 @@ TEST_F(FleetReportsTest, WrongCodesAreSlowedDownTogether) {
 
 TEST_F(FleetReportsTest, ACatalogueOfTheFirstVersionIsBroughtUpToDate) {
   Postgres database(connection());
-  for (const char* table : {"appliances", "certificates", "enrolments", "wrong_codes", "search_notes"})
+  for (const char* table :
+       {"appliances", "certificates", "enrolments", "wrong_codes", "search_notes", "renewals"})
     database.ask(std::string("DROP TABLE kiroku.") + table);
   database.ask("UPDATE kiroku.version SET version = 1");
   EXPECT_THAT([&] { reports(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
