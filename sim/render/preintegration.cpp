@@ -28,8 +28,8 @@ double shown(float extinction_per_mm) {
   return double{static_cast<float>(Eigen::half(raw))} / double{kScale};
 }
 
-/// Nodes at both ends, on both sides of where tissue becomes visible, and so that as much changes between each
-/// two.
+/// Nodes at both ends, on both sides of where tissue becomes visible, and so that as much changes between
+/// each two.
 std::vector<std::uint16_t> choose_nodes(const std::vector<TransferFunction::Entry>& entries) {
   std::vector<double> extinction;
   extinction.reserve(entries.size());
@@ -42,8 +42,7 @@ std::vector<std::uint16_t> choose_nodes(const std::vector<TransferFunction::Entr
     if (from != to) borders.insert(borders.end(), {i, i + 1});
     double change = 0;
     // Roots, as much tissue that is faint is seen at once.
-    if (from || to)
-      change = std::abs(std::sqrt(extinction[i + 1]) - std::sqrt(extinction[i])) / most;
+    if (from || to) change = std::abs(std::sqrt(extinction[i + 1]) - std::sqrt(extinction[i])) / most;
     for (std::size_t c = 0; (from || to) && c < 3; ++c)
       change = std::max(change, std::abs(double{entries[i + 1].colour[c]} - double{entries[i].colour[c]}));
     changed[i + 1] = changed[i] + change;
@@ -101,8 +100,7 @@ std::vector<Sums> integrals(const std::vector<TransferFunction::Entry>& entries,
     sums[i + 1] = sums[i];
     sums[i + 1].extinction += (from + to) / 2;
     for (std::size_t c = 0; c < 3; ++c) {
-      sums[i + 1].colour[c] +=
-          (from * colour_of(entries[i], c) + to * colour_of(entries[i + 1], c)) / 2;
+      sums[i + 1].colour[c] += (from * colour_of(entries[i], c) + to * colour_of(entries[i + 1], c)) / 2;
     }
   }
   return sums;

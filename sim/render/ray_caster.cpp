@@ -207,9 +207,8 @@ double RayCaster::faint_share(const PlacedMesh& mesh, const Scene& scene) {
 /// The table for segments of such a length, computed where it is not at hand. Valid until the next call.
 const Preintegration& RayCaster::segments_of(double length_mm, bool linear) {
   constexpr std::size_t kKept = 8;
-  auto table = std::ranges::find_if(tables_, [&](const Table& one) {
-    return one.linear == linear && one.segments.length_mm == length_mm;
-  });
+  auto table = std::ranges::find_if(
+      tables_, [&](const Table& one) { return one.linear == linear && one.segments.length_mm == length_mm; });
   if (table == tables_.end()) {
     if (tables_.size() == kKept) tables_.pop_back();
     tables_.push_back({linear, preintegrate(transfer_, length_mm, linear)});
@@ -222,8 +221,8 @@ const Preintegration& RayCaster::segments_of(double length_mm, bool linear) {
 MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, double spacing_m) {
   MarchScene march{};
   const Preintegration& segments = segments_of(spacing_m * kMmPerM, scene.tip_light.has_value());
-  march.volume = {volume_->texels.data(),  opacity_.data(), {}, {}, segments.node_of.data(),
-                  segments.segments.data()};
+  march.volume = {volume_->texels.data(),  opacity_.data(),         {}, {},
+                  segments.node_of.data(), segments.segments.data()};
   for (std::size_t axis = 0; axis < 3; ++axis) {
     march.volume.size[axis] = static_cast<std::int32_t>(volume_->size[axis]);
     march.volume.blocks[axis] = (march.volume.size[axis] + 1) / 2;

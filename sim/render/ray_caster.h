@@ -37,8 +37,8 @@ class RayCaster {
   static constexpr double kFaint = 0.02;
   /// Of a light at the tip, where it is brightest: what is dark has finer steps there.
   static constexpr double kTipFaint = 0.005;
-  /// Of 255: pixels between others that differ by no more are not cast. While a scene moves, every fourth pixel
-  /// of every fourth row is cast first, else every second, where pixels are smaller than voxels.
+  /// Of 255: pixels between others that differ by no more are not cast. While a scene moves, every fourth
+  /// pixel of every fourth row is cast first, else every second, where pixels are smaller than voxels.
   static constexpr double kAlike = 3, kMovingAlike = 11;
   /// What comes through a ray that counts as ended: less than half a step of 8 bits; by a light at the tip;
   /// and while a scene moves. What it would have met counts as what it has met.

@@ -34,8 +34,8 @@ struct alignas(64) MarchCell {
   std::uint32_t least_opacity;  // no block of the CT within has a lesser MarchVolume::opacity
 };
 
-/// The CT. Texels as of ShadedVolume. Between the centres of eight texels lies a cell; cells 2i and 2i + 1 along
-/// each axis are a block.
+/// The CT. Texels as of ShadedVolume. Between the centres of eight texels lies a cell; cells 2i and 2i + 1
+/// along each axis are a block.
 struct MarchVolume {
   const std::uint16_t* texels;
   /// (blocks): how opaque the most opaque of a block may be; 0 for what cannot be seen.
@@ -67,8 +67,8 @@ struct MarchScene {
   std::int32_t tinted;        // 1: colours are tinted by MarchCell::tint
   const float* tint_colours;  // (256 x 4)
   float tint_share;
-  std::int32_t sheeted;  // 1: the surface is a thin sheet
-  float sheet[4];        // its colour and opacity
+  std::int32_t sheeted;                 // 1: the surface is a thin sheet
+  float sheet[4];                       // its colour and opacity
   float ended_share, ended_extinction;  // what comes through a ray that counts as ended, and what leaves that
   /// Pixels between others that differ by no more than this in any colour (of 0 to 1) are not cast but are
   /// between them in colour; 0: none.

@@ -354,6 +354,7 @@ class Ray {
     bool begins = true;  // the layer's first sample is still to come
     float next = 0;      // the cross-section that comes next
     last_mask_ = 0;
+    last_kept_ = true;
     for (int met = 0; met < kMostMet; ++met) {
       const MarchCell& cell = scene_.cells[number];
       const Four begin = begin_of(cell.corner), slope = slope_of(cell.corner);
@@ -391,7 +392,7 @@ class Ray {
         next = beyond;
       }
       if (!begins && closes && through_ > scene_.ended_share) {
-        take(cell, stop, 1);
+        take(cell, stop, last_mask_ == kNothing ? 0 : 1);
         reached_ = stop;
       }
       if (out_at >= end_mm || through_ <= scene_.ended_share) return false;
@@ -429,12 +430,19 @@ class Ray {
     if (waiting_.count >= kLanes) shade();
   }
 
-  /// Of a cell in which nothing can be seen: the samples that segments before and behind it need.
+  /// Of a cell in which nothing can be seen: the sample that a segment before it ends at.
   void pass_hidden(const MarchCell& cell, float first, float last) {
-    const bool ends = last_mask_ != kNothing, is_one = last - first < 1.5F;
+    const bool ends = last_mask_ != kNothing;
     if (ends) take(cell, first * scene_.spacing_mm, 1);
-    if (!ends || !is_one) take(cell, (last - 1) * scene_.spacing_mm, 0);
+    last_kept_ = ends && last - first < 1.5F;
     last_mask_ = kNothing;
+  }
+
+  /// The sample before a cross-section that has `mask`, where a segment must begin there and it was left out.
+  KIROKU_INLINE void take_before(const MarchCell& cell, std::int32_t section, std::int32_t mask) {
+    const bool comes_into_view = last_mask_ == kNothing && mask != kNothing;
+    if (last_kept_ || !(comes_into_view || mask == 0)) return;
+    take(cell, float(section - 1) * scene_.spacing_mm, comes_into_view ? 0 : 1);
   }
 
   KIROKU_INLINE float tint_at(const MarchCell& cell) const {
@@ -475,19 +483,28 @@ class Ray {
       unsigned lanes = left < kLanes ? (1U << unsigned(left)) - 1U : 0xffffU;
       Real linked = all(1.0F);
       if (!dense) {
-        const Whole mask = masks_of(bytes_at(volume.opacity, index, left));
+        const int last_lane = left < kLanes ? left - 1 : kLanes - 1;
+        Whole mask = masks_of(bytes_at(volume.opacity, index, left));
+        take_before(cell, section, mask[0]);
+        if (through_ <= scene_.ended_share) return;
         Whole before = bits_as_whole(moved_up<1>(bits_as_real(mask)));
         before[0] = last_mask_;
-        const Whole behind = bits_as_whole(moved_down(bits_as_real(mask)));
-        unsigned kept = lanes_of((sections & mask & before & behind) == 0);
-        // What is behind the last one is not known: that one is kept, as a segment may have to begin there.
-        const int last_lane = left < kLanes ? left - 1 : kLanes - 1;
-        kept |= 1U << unsigned(last_lane);
-        lanes &= kept;
-        linked = (mask == kNothing) & (before == kNothing) ? all(0.0F) : all(1.0F);
+        // What is behind the last one is not known yet.
+        Whole behind = bits_as_whole(moved_down(bits_as_real(mask)));
+        behind[last_lane] = kNothing;
+        const Whole is_nothing = mask == kNothing, was_nothing = before == kNothing;
+        // Where a segment that can be seen begins or ends.
+        const Whole is_border = is_nothing & ~(was_nothing & (behind == kNothing));
+        lanes &= lanes_of(is_border | ((sections & mask & before & behind) == 0));
+        linked = (is_nothing & was_nothing) != 0 ? all(0.0F) : all(1.0F);
         last_mask_ = mask[last_lane];
+        last_kept_ = (lanes >> unsigned(last_lane) & 1U) != 0;
+        if (lanes == 0) continue;
       } else {
+        take_before(cell, section, 0);
+        if (through_ <= scene_.ended_share) return;
         last_mask_ = 0;
+        last_kept_ = true;
       }
       const int count = waiting_.count;
       for (int axis = 0; axis < 3; ++axis) append(waiting_.place[axis] + count, at[axis], lanes);
@@ -695,24 +712,31 @@ class Ray {
   Real sums_[3];
   float sheet_sum_[3] = {0, 0, 0};
   float through_ = 1;
-  float spent_ = 0;              // extinction up to here
-  float reached_ = 0;            // depth up to which was gathered
-  std::int32_t last_mask_ = 0;   // of the cross-section before
+  float spent_ = 0;    // extinction up to here
+  float reached_ = 0;  // depth up to which was gathered
+  // Of the cross-section before.
+  std::int32_t last_mask_ = 0;
+  bool last_kept_ = true;
   // Of the sample that was shaded last.
   float last_texel_[3] = {0, 0, 0};
   float last_depth_mm_ = 0;
   std::size_t last_node_ = 0;
 };
 
-/// The pixels of a tile. Every stride-th pixel of every stride-th row is cast first, and the last of both. What
-/// is half way between pixels that are alike is between them in colour too, the rest is cast; so again with
-/// half the stride, until each pixel is there.
+/// The pixels of a tile. Every stride-th pixel of every stride-th row is cast first, and the last of both.
+/// What is half way between pixels that are alike is between them in colour too, the rest is cast; so again
+/// with half the stride, until each pixel is there.
 class Tile {
  public:
   Tile(const MarchScene& scene, const MarchTile& tile)
       : scene_(scene), tile_(tile), width_(tile.x1 - tile.x0), height_(tile.y1 - tile.y0) {}
 
   void draw() {
+    bool any = false;
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) any |= tile_.layers[number(x, y)] != 0;
+    }
+    if (!any) return;
     const int first = scene_.likeness > 0 ? scene_.stride : 1;
     for (int y = 0; y < height_; y = next(y, first, height_)) {
       for (int x = 0; x < width_; x = next(x, first, width_)) cast(x, y);
@@ -727,9 +751,10 @@ class Tile {
   }
 
  private:
-  static bool is_on(int at, int apart, int size) { return at % apart == 0 || at == size - 1; }
+  // `apart` is a power of two.
+  static bool is_on(int at, int apart, int size) { return (at & (apart - 1)) == 0 || at == size - 1; }
   static int next(int at, int apart, int size) {
-    const int after = at - at % apart + apart;
+    const int after = (at & -apart) + apart;
     return after < size || at == size - 1 ? after : size - 1;
   }
   static int number(int x, int y) { return y * kMarchTile + x; }
@@ -750,7 +775,7 @@ class Tile {
   };
   static Neighbours around(int at, int apart, int size) {
     if (is_on(at, apart, size)) return {at, at, 0};
-    const int from = at - at % apart, to = next(from, apart, size);
+    const int from = at & -apart, to = next(from, apart, size);
     return {from, to, float(at - from) / float(to - from)};
   }
 

@@ -46,8 +46,8 @@ struct Scene {
   std::shared_ptr<const LensRays> lens;
   /// The picture is a disc in black, as wide as its lesser side.
   bool round = false;
-  /// Between cross-sections, along the view; 0: kVoxelShare of the CT's least voxel spacing, and by a light at
-  /// the tip kTipSpacingM at most; while the scene moves, kMovingVoxelShare.
+  /// Between cross-sections, along the view; 0: kVoxelShare of the CT's least voxel spacing, and by a light
+  /// at the tip kTipSpacingM at most; while the scene moves, kMovingVoxelShare.
   double spacing_m = 0;
   static constexpr double kVoxelShare = 0.5, kMovingVoxelShare = 0.8;
   static constexpr double kTipSpacingM = 0.2e-3;

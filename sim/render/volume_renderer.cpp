@@ -70,8 +70,8 @@ class VolumeRenderer::Drawing {
   const GlFunctions& gl_;
   TransferFunction transfer_;
   GlHandle vertex_array_, volume_, stress_colours_;
-  GlHandle linear_stress_;           // the same, linear in light
-  GlHandle nodes_of_hu_;             // as preintegration.h has them
+  GlHandle linear_stress_;  // the same, linear in light
+  GlHandle nodes_of_hu_;    // as preintegration.h has them
   /// By the segments' length, and whether their colours are linear in light.
   std::map<std::pair<double, bool>, GlHandle> segments_;
   GlHandle positions_, surface_, cells_, links_, rotations_, stress_, solid_vertices_;

@@ -58,7 +58,8 @@ TEST(Preintegration, IsTheIntegralAlongARayWhoseHuRunStraight) {
         double worst = 0;
         for (std::size_t from = 0; from < Preintegration::kNodes; from += 17) {
           for (std::size_t to = 0; to < Preintegration::kNodes; to += 15) {
-            const Seen expected = by_steps(transfer, table.entry_of[from], table.entry_of[to], length_mm, linear);
+            const Seen expected =
+                by_steps(transfer, table.entry_of[from], table.entry_of[to], length_mm, linear);
             const Seen seen = by_table(table, from, to, length_mm);
             worst = std::max(worst, std::abs(seen.through - expected.through));
             for (std::size_t c = 0; c < 3; ++c)

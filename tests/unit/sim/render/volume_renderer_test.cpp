@@ -236,8 +236,7 @@ class Reference {
       }
       first = last + 1;
     }
-    return colour +
-           through * Vector3(scene_.background[0], scene_.background[1], scene_.background[2]) / 255;
+    return colour + through * Vector3(scene_.background[0], scene_.background[1], scene_.background[2]) / 255;
   }
 
   Sample sample_at(std::size_t tetrahedron, double depth_m, const Vector3& place) const {
@@ -348,7 +347,8 @@ TEST(VolumeRenderer, LetsThroughWhatBeersLawLetsThrough) {
 /// Decibels.
 double peak_ratio(const Picture& one, const Picture& other) {
   double sum = 0;
-  for (std::size_t i = 0; i < one.rgb.size(); ++i) sum += std::pow(double(one.rgb[i]) - double(other.rgb[i]), 2);
+  for (std::size_t i = 0; i < one.rgb.size(); ++i)
+    sum += std::pow(double(one.rgb[i]) - double(other.rgb[i]), 2);
   return 10 * std::log10(255 * 255 * double(one.rgb.size()) / std::max(sum, 1.0));
 }
 
