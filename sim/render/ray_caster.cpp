@@ -198,6 +198,7 @@ void RayCaster::place_cells(const PlacedMesh& mesh, const Scene& scene) {
 }
 
 double RayCaster::faint_share(const PlacedMesh& mesh, const Scene& scene) {
+  if (scene.moving) return kMovingFaint;
   if (!scene.tip_light) return kFaint;
   constexpr double kLeastMm = 1;
   const double nearest_m = std::max(mesh.nearest_mm, kLeastMm) / kMmPerM;

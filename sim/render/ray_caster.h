@@ -33,8 +33,8 @@ struct RayCasterOptions {
 /// and the set of instructions.
 class RayCaster {
  public:
-  /// A share of the light.
-  static constexpr double kFaint = 0.02;
+  /// A share of the light; the second while a scene moves.
+  static constexpr double kFaint = 0.02, kMovingFaint = 0.06;
   /// Of a light at the tip, where it is brightest: what is dark has finer steps there.
   static constexpr double kTipFaint = 0.005;
   /// Of 255: pixels between others that differ by no more are not cast. While a scene moves, every fourth
