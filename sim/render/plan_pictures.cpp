@@ -42,10 +42,11 @@ PlanPictures::PlanPictures(const Plan& plan, std::shared_ptr<const ShadedVolume>
       renderer_(std::move(volume), transfer, choice),
       contact_radius_m_(contact_radius_m(plan.body.mesh)) {}
 
-void PlanPictures::set_size(int width, int height, double spacing_m) {
+void PlanPictures::set_size(int width, int height, double spacing_m, bool moving) {
   scene_.width = width;
   scene_.height = height;
   scene_.spacing_m = spacing_m;
+  scene_.moving = moving;
 }
 
 Picture PlanPictures::picture(const PlanFrame& frame, const TetMesh& mesh) {

@@ -29,8 +29,8 @@ class PlanPictures {
   /// Frame and mesh of one moment; its stress is only needed for the tint.
   Picture picture(const PlanFrame& frame, const TetMesh& mesh);
   void set_camera(const Camera& camera) { scene_.camera = camera; }
-  /// Of the pictures from now on; the distance of cross-sections as in Scene.
-  void set_size(int width, int height, double spacing_m);
+  /// Of the pictures from now on; the distance of cross-sections, and whether they move, as in Scene.
+  void set_size(int width, int height, double spacing_m, bool moving = false);
   /// As PlanPictureOptions has it; nothing for no tint.
   void set_largest_pa(std::optional<double> largest_pa) { options_.largest_pa = largest_pa; }
   [[nodiscard]] const Scene& scene() const { return scene_; }

@@ -75,11 +75,6 @@ RayCaster::RayCaster(std::shared_ptr<const ShadedVolume> volume, const TransferF
         "the CT has more voxels than the ray caster can hold (2147483647): show a smaller part of it "
         "with --mesh");
   }
-  for (const TransferFunction::Entry& entry : transfer_.entries) {
-    tissue_.insert(tissue_.end(), entry.colour.begin(), entry.colour.end());
-    tissue_.push_back(entry.extinction_per_mm);
-  }
-  linear_tissue_ = tissue_;
   constexpr int kTintColours = 256;
   for (int i = 0; i < kTintColours; ++i) {
     for (const std::uint8_t part : viridis(i / double{kTintColours - 1}))
@@ -87,10 +82,9 @@ RayCaster::RayCaster(std::shared_ptr<const ShadedVolume> volume, const TransferF
     tint_colours_.push_back(1);
   }
   linear_tint_colours_ = tint_colours_;
-  for (std::vector<float>* const colours : {&linear_tissue_, &linear_tint_colours_}) {
-    for (std::size_t i = 0; i < colours->size(); ++i) {
-      if (i % 4 < 3) (*colours)[i] = static_cast<float>(linear_light(double{(*colours)[i]}));
-    }
+  for (std::size_t i = 0; i < linear_tint_colours_.size(); ++i) {
+    float& part = linear_tint_colours_[i];
+    if (i % 4 < 3) part = static_cast<float>(linear_light(double{part}));
   }
   measure_opacity();
 }
@@ -102,26 +96,32 @@ void RayCaster::measure_opacity() {
     bytes.push_back(opacity_byte(entry.extinction_per_mm));
   const GreatestWithin greatest(std::move(bytes));
   const auto& size = volume_->size;
+  std::array<std::size_t, 3> blocks{};
+  for (std::size_t axis = 0; axis < 3; ++axis) blocks[axis] = (size[axis] + 1) / 2;
   const std::size_t row = size[0], plane = row * size[1];
-  constexpr std::size_t kBeyond = 3;  // lanes read four bytes at once
-  opacity_.assign(plane * size[2] + kBeyond, 0);
-  for_each_part(size[2] - 1, threads_, [&](std::size_t k) {
+  opacity_.assign(blocks[0] * blocks[1] * blocks[2], 0);
+  for_each_part(blocks[2], threads_, [&](std::size_t k) {
     std::vector<std::array<std::uint16_t, 2>> columns(row);
-    for (std::size_t j = 0; j + 1 < size[1]; ++j) {
-      const std::uint16_t* const hu = volume_->texels.data() + 4 * (plane * k + row * j) + 3;
-      for (std::size_t i = 0; i < row; ++i) {
-        const std::uint16_t a = hu[4 * i], b = hu[4 * (i + row)], c = hu[4 * (i + plane)],
-                            d = hu[4 * (i + row + plane)];
-        columns[i] = {std::min(std::min(a, b), std::min(c, d)), std::max(std::max(a, b), std::max(c, d))};
+    for (std::size_t j = 0; j < blocks[1]; ++j) {
+      columns.assign(row, {65535, 0});
+      for (std::size_t z = 2 * k; z < std::min(2 * k + 3, size[2]); ++z) {
+        for (std::size_t y = 2 * j; y < std::min(2 * j + 3, size[1]); ++y) {
+          const std::uint16_t* const hu = volume_->texels.data() + 4 * (plane * z + row * y) + 3;
+          for (std::size_t i = 0; i < row; ++i)
+            columns[i] = {std::min(columns[i][0], hu[4 * i]), std::max(columns[i][1], hu[4 * i])};
+        }
       }
-      for (std::size_t i = 0; i + 1 < row; ++i) {
-        const std::uint32_t least = std::min(columns[i][0], columns[i + 1][0]);
-        const std::uint32_t most = std::max(columns[i][1], columns[i + 1][1]);
+      for (std::size_t i = 0; i < blocks[0]; ++i) {
+        std::uint32_t least = 65535, most = 0;
+        for (std::size_t x = 2 * i; x < std::min(2 * i + 3, row); ++x) {
+          least = std::min<std::uint32_t>(least, columns[x][0]);
+          most = std::max<std::uint32_t>(most, columns[x][1]);
+        }
         // The entries that samples round to, and one more each way.
         const auto entry = [](std::uint32_t texel) { return (texel * 4095U + 32767U) / 65535U; };
         const std::size_t first = std::max(entry(least), 1U) - 1U;
         const std::size_t last = std::min<std::size_t>(entry(most) + 1U, kHuEntries - 1);
-        opacity_[plane * k + row * j + i] = greatest.of(first, last);
+        opacity_[(k * blocks[1] + j) * blocks[0] + i] = greatest.of(first, last);
       }
     }
   });
@@ -198,18 +198,36 @@ void RayCaster::place_cells(const PlacedMesh& mesh, const Scene& scene) {
 }
 
 double RayCaster::faint_share(const PlacedMesh& mesh, const Scene& scene) {
+  if (scene.moving) return kMovingFaint;
   if (!scene.tip_light) return kFaint;
   constexpr double kLeastMm = 1;
   const double nearest_m = std::max(mesh.nearest_mm, kLeastMm) / kMmPerM;
   return kTipFaint / std::max(1.0, std::pow(scene.tip_light->working_distance_m / nearest_m, 2));
 }
 
-MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, double spacing_m) const {
+/// The table for segments of such a length, computed where it is not at hand. Valid until the next call.
+const Preintegration& RayCaster::segments_of(double length_mm, bool linear) {
+  constexpr std::size_t kKept = 8;
+  auto table = std::ranges::find_if(
+      tables_, [&](const Table& one) { return one.linear == linear && one.segments.length_mm == length_mm; });
+  if (table == tables_.end()) {
+    if (tables_.size() == kKept) tables_.pop_back();
+    tables_.push_back({linear, preintegrate(transfer_, length_mm, linear)});
+    table = tables_.end() - 1;
+  }
+  std::rotate(tables_.begin(), table, table + 1);
+  return tables_.front().segments;
+}
+
+MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, double spacing_m) {
   MarchScene march{};
-  march.volume = {
-      volume_->texels.data(), opacity_.data(), {}, scene.tip_light ? linear_tissue_.data() : tissue_.data()};
-  for (std::size_t axis = 0; axis < 3; ++axis)
+  const Preintegration& segments = segments_of(spacing_m * kMmPerM, scene.tip_light.has_value());
+  march.volume = {volume_->texels.data(),  opacity_.data(),         {}, {},
+                  segments.node_of.data(), segments.segments.data()};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
     march.volume.size[axis] = static_cast<std::int32_t>(volume_->size[axis]);
+    march.volume.blocks[axis] = (march.volume.size[axis] + 1) / 2;
+  }
   march.cells = cells_.data();
   const Camera& camera = scene.camera;
   const double scale = camera.parallel ? kMmPerM : 1;
@@ -239,6 +257,11 @@ MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, do
     const double sections = double(2 << level), faint = faint_share(mesh, scene);
     march.sparse[level] = greatest_byte(-std::log2(1 - faint) / (sections * spacing_mm));
   }
+  // Where numbers are linear in light, what is dark has finer steps.
+  const double still = scene.tip_light ? kTipEnded : kEnded;
+  const double ended = scene.moving ? kMovingEnded : still;
+  march.ended_share = static_cast<float>(ended);
+  march.ended_extinction = static_cast<float>(-std::log2(ended));
   march.tinted = scene.stress ? 1 : 0;
   march.tint_colours = scene.tip_light ? linear_tint_colours_.data() : tint_colours_.data();
   march.tint_share = scene.stress ? static_cast<float>(scene.stress->share) : 0;
@@ -265,7 +288,10 @@ MarchScene RayCaster::march_scene(const PlacedMesh& mesh, const Scene& scene, do
   const double reach = scene.lens ? scene.lens->lens().reach() : camera.half_extent.maxCoeff();
   const double pixel_mm =
       2 * reach / std::min(scene.width, scene.height) * (camera.parallel ? kMmPerM : distance_mm);
-  march.likeness = pixel_mm < volume_->spacing_m * kMmPerM ? static_cast<float>(kAlike / 255) : 0;
+  const bool is_fine = scene.moving || pixel_mm < volume_->spacing_m * kMmPerM;
+  const double alike = scene.moving ? kMovingAlike : kAlike;
+  march.likeness = is_fine ? static_cast<float>(alike / 255) : 0;
+  march.stride = scene.moving ? 4 : 2;
   return march;
 }
 

@@ -4,7 +4,8 @@
 // is compiled with instructions that the machine may not have.
 //
 // Everything within a tetrahedron is affine in the place. So along a ray it is begin + t * slope, with t the
-// depth along the view in mm, and each cross-section costs one multiplication and one addition a number.
+// depth along the view in mm, and each cross-section costs one multiplication and one addition a number. A
+// sample is the end of a segment that begins at the sample before.
 #pragma once
 
 #include <cstddef>
@@ -30,17 +31,18 @@ struct alignas(64) MarchCell {
   /// kMarchNone where the surface is.
   std::uint32_t beyond[4];
   std::uint32_t hidden;         // 1: nothing in it can be seen
-  std::uint32_t least_opacity;  // no cell of the CT within has a lesser MarchVolume::opacity
+  std::uint32_t least_opacity;  // no block of the CT within has a lesser MarchVolume::opacity
 };
 
-/// The CT. Texels as of ShadedVolume. Between the centres of eight texels lies a cell, numbered as the texel
-/// at its least corner.
+/// The CT. Texels as of ShadedVolume. Between the centres of eight texels lies a cell; cells 2i and 2i + 1
+/// along each axis are a block.
 struct MarchVolume {
   const std::uint16_t* texels;
-  /// (texels + 3): how opaque the most opaque of a cell may be; 0 for what cannot be seen.
+  /// (blocks): how opaque the most opaque of a block may be; 0 for what cannot be seen.
   const std::uint8_t* opacity;
-  std::int32_t size[3];
-  const float* tissue;  // (4096 x 4): red, green, blue, extinction per mm
+  std::int32_t size[3], blocks[3];
+  const std::uint8_t* node_of;  // (4096); as preintegration.h has them
+  const std::uint16_t* segments;
 };
 
 struct MarchScene {
@@ -60,16 +62,18 @@ struct MarchScene {
   float wet, film_spread, film_reflectance;  // share, a^2 and F0 of the film
   float gamma, one_over_gamma;
   /// The greatest MarchVolume::opacity of which a cell is sampled on every second, fourth and eighth
-  /// cross-section alone, each for as many.
+  /// cross-section alone.
   std::int32_t sparse[3];
   std::int32_t tinted;        // 1: colours are tinted by MarchCell::tint
   const float* tint_colours;  // (256 x 4)
   float tint_share;
-  std::int32_t sheeted;  // 1: the surface is a thin sheet
-  float sheet[4];        // its colour and opacity
-  /// Pixels between others that differ by no more than this in any colour (of 0 to 1) are their mean; 0:
-  /// none.
+  std::int32_t sheeted;                 // 1: the surface is a thin sheet
+  float sheet[4];                       // its colour and opacity
+  float ended_share, ended_extinction;  // what comes through a ray that counts as ended, and what leaves that
+  /// Pixels between others that differ by no more than this in any colour (of 0 to 1) are not cast but are
+  /// between them in colour; 0: none.
   float likeness;
+  std::int32_t stride;  // a power of two: between the pixels that are cast first
 };
 
 /// Pixels [x0, x1) x [y0, y1), rows from the top; numbered kMarchTile a row from (x0, y0).

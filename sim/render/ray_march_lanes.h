@@ -4,9 +4,9 @@
 // Lanes are sixteen samples along one ray, in the compilers' own vector types, which GCC and Clang make of
 // what instructions there are. Each operation is IEEE 754's alone, none is fused or reassociated
 // (-ffp-contract=off), and roots and quotients are exact: so all sets of instructions give the same bits. A
-// sample passes two gates before it costs anything: its cell of the CT must show something, and where that is
-// faint, its cross-section must be one of those that stand for several. What passes waits until sixteen are
-// there.
+// sample passes two gates before it costs anything: its cell of the CT, or the one before or behind it on the
+// ray, must show something, and where that is faint, its cross-section must be one of every second, fourth or
+// eighth. What passes waits until sixteen are there.
 #pragma once
 
 #if defined(__x86_64__)
@@ -25,11 +25,11 @@ using Four = float __attribute__((vector_size(16)));
 using FourWhole = std::int32_t __attribute__((vector_size(16)));
 
 constexpr float kFarMm = 1e30F;
-// What still comes through when a ray counts as ended: less than half a step of 8 bits.
-constexpr float kEndedShare = 0.0019F;
-constexpr float kEndedExtinction = 9.0398F;  // what leaves that share
-// Where numbers are linear in light, what is dark has finer steps.
-constexpr float kTipEndedShare = 1e-4F, kTipEndedExtinction = 13.2877F;
+// As preintegration.h has them.
+constexpr std::size_t kNodes = 256;
+constexpr float kOneOverExtinctionScale = 1.0F / 64;
+// Of what cannot be seen; more bits than cross-sections have.
+constexpr std::int32_t kNothing = 0x7fffffff;
 // No ray meets as many cells as this but one that rounding leads in circles.
 constexpr int kMostMet = 4096;
 
@@ -117,6 +117,17 @@ KIROKU_INLINE Real moved_up(Real a) {
   return load(x + kLanes - by);
 #endif
 }
+/// Lane i has what lane i + 1 had; the last one has 0.
+KIROKU_INLINE Real moved_down(Real a) {
+#if defined(__AVX512F__)
+  return (Real)_mm512_maskz_alignr_epi32(0xffff, _mm512_setzero_si512(), (__m512i)a, 1);
+#else
+  alignas(64) float x[2 * kLanes];
+  store(x, a);
+  store(x + kLanes, all(0.0F));
+  return load(x + 1);
+#endif
+}
 /// The sum of all lanes up to each.
 KIROKU_INLINE Real sums_up_to(Real a) {
   a += moved_up<1>(a);
@@ -183,6 +194,17 @@ KIROKU_INLINE Eight scaled(const Eight& a, float by) { return {a.low * by, a.hig
 KIROKU_INLINE Eight sum(const Eight& a, const Eight& b) { return {a.low + b.low, a.high + b.high}; }
 #endif
 
+/// Four numbers of 16 bits, none of them subnormal.
+KIROKU_INLINE Four halves(const std::uint16_t* at) {
+  using FourHalves = std::uint16_t __attribute__((vector_size(8)));
+  FourHalves bits;
+  __builtin_memcpy(&bits, at, sizeof bits);
+  const FourWhole moved = __builtin_convertvector(bits, FourWhole) << 13;
+  Four x;
+  __builtin_memcpy(&x, &moved, sizeof x);
+  return x * 0x1p112F;
+}
+
 /// A bit for each lane whose number is not 0.
 KIROKU_INLINE unsigned lanes_of(Whole a) {
 #if defined(__AVX512F__)
@@ -203,27 +225,16 @@ KIROKU_INLINE unsigned lanes_of(Whole a) {
 #endif
 }
 
-/// The bytes at the indices of the first `count` lanes; what is in the others is not told.
+/// The bytes at the indices of the first `count` lanes; the others are 0. A cell has few cross-sections, and
+/// processors that had to be mended are slow to gather.
 KIROKU_INLINE Whole bytes_at(const std::uint8_t* bytes, Whole index, int count) {
-#if defined(__AVX512F__)
-  const auto lanes = static_cast<__mmask16>(count < kLanes ? (1U << unsigned(count)) - 1U : 0xffffU);
-  return (Whole)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), lanes, (__m512i)index, bytes, 1) & 0xff;
-#else
   alignas(64) std::int32_t at[kLanes];
+  alignas(64) std::int32_t found[kLanes] = {};
   __builtin_memcpy(at, &index, sizeof at);
-#if defined(__AVX2__)
-  for (int i = 0; i < kLanes && i < count; i += 8) {
-    auto* const eight = reinterpret_cast<__m256i*>(at + i);
-    _mm256_store_si256(
-        eight, _mm256_i32gather_epi32(reinterpret_cast<const int*>(bytes), _mm256_load_si256(eight), 1));
-  }
-#else
-  for (int i = 0; i < kLanes && i < count; ++i) at[i] = bytes[at[i]];
-#endif
-  Whole found;
-  __builtin_memcpy(&found, at, sizeof found);
-  return found & 0xff;
-#endif
+  for (int i = 0; i < kLanes && i < count; ++i) found[i] = bytes[at[i]];
+  Whole x;
+  __builtin_memcpy(&x, found, sizeof x);
+  return x;
 }
 
 /// The lanes of `a` that are in `lanes`, one after the other.
@@ -247,6 +258,11 @@ KIROKU_INLINE float section_from(float depth_mm, float per_mm) {
   const float section = depth_mm * per_mm;
   return section > 1e9F ? 1e9F : section > 0 ? ceiling(section) : 0;
 }
+/// The first one beyond a depth that is not negative.
+KIROKU_INLINE float section_beyond(float depth_mm, float per_mm) {
+  const float section = depth_mm * per_mm;
+  return section < 1e9F ? float(std::int32_t(section)) + 1 : 1e9F;
+}
 
 KIROKU_INLINE Four four(const float* from) {
   Four x;
@@ -260,10 +276,11 @@ struct Waiting {
   static constexpr int kRoom = 3 * kLanes;
   alignas(64) float place[3][kRoom] = {};
   alignas(64) float turn[4][kRoom] = {};
-  alignas(64) float length_mm[kRoom] = {};  // that they stand for
+  alignas(64) float linked[kRoom] = {};  // 1: a segment ends here; 0: one begins
   alignas(64) float tint[kRoom] = {};
   alignas(64) float depth_mm[kRoom] = {};  // along the view
-  // Of those that are being shaded: the CT's texels, and what the transfer function makes of them.
+  // Of those that are being shaded: the segments' lengths, the CT's texels, and what is seen of the segments.
+  alignas(64) float length_mm[kLanes] = {};
   alignas(64) float texels[4 * kLanes] = {};
   alignas(64) float tissues[4 * kLanes] = {};
   int count = 0;
@@ -272,7 +289,7 @@ struct Waiting {
     const auto move = [&](float* numbers) { store(numbers, load(numbers + first)); };
     for (auto& numbers : place) move(numbers);
     for (auto& numbers : turn) move(numbers);
-    move(length_mm);
+    move(linked);
     move(tint);
     move(depth_mm);
     count = count > first ? count - first : 0;
@@ -299,7 +316,6 @@ class Ray {
       along_[1] = v;
     }
     length_ = __builtin_sqrtf(along_[0] * along_[0] + along_[1] * along_[1] + 1);
-    section_mm_ = scene.spacing_mm * length_;
     per_mm_ = 1 / scene.spacing_mm;
     for (int c = 0; c < 3; ++c) to_eye_[c] = (c < 2 ? -along_[c] : 1.0F) / length_;
     // Half way between the light and the eye.
@@ -309,30 +325,36 @@ class Ray {
       sum += between_[c] * between_[c];
     }
     for (float& c : between_) c /= __builtin_sqrtf(sum);
-    if (scene.tip != 0) {
-      ended_share_ = kTipEndedShare;
-      ended_extinction_ = kTipEndedExtinction;
-    }
     for (Real& colour : sums_) colour = all(0.0F);
   }
 
   void follow(const std::uint32_t* entries, int layers, float end_mm, float* colour) {
     waiting_.count = 0;
-    float next = 0;  // the cross-section that comes next
-    for (int layer = 0; layer < layers && through_ > ended_share_; ++layer) {
-      if (!follow_layer(entries[layer], end_mm, next)) break;
+    for (int layer = 0; layer < layers && through_ > scene_.ended_share; ++layer) {
+      if (!follow_layer(entries[layer], end_mm)) break;
     }
-    if (through_ > ended_share_ && waiting_.count > 0) shade();
+    if (through_ > scene_.ended_share && waiting_.count > 0) shade();
+    // What a ray that ended early would have met counts as what it has met.
+    if (through_ <= scene_.ended_share) {
+      const float more = 1 / (1 - through_);
+      for (Real& sum : sums_) sum *= more;
+      for (float& sum : sheet_sum_) sum *= more;
+      through_ = 0;
+    }
     if (scene_.tip != 0) return follow_in_light(colour);
     for (int c = 0; c < 3; ++c) colour[c] = sum_of(sums_[c]) + sheet_sum_[c] + through_ * colour[c];
   }
 
  private:
   /// From where a ray enters the mesh to where it leaves it. Whether it goes on.
-  bool follow_layer(std::uint32_t entry, float end_mm, float& next) {
+  bool follow_layer(std::uint32_t entry, float end_mm) {
     std::uint32_t number = entry >> 2U;
     std::uint32_t from = entry & 3U;
     bool entering = true;
+    bool begins = true;  // the layer's first sample is still to come
+    float next = 0;      // the cross-section that comes next
+    last_mask_ = 0;
+    last_kept_ = true;
     for (int met = 0; met < kMostMet; ++met) {
       const MarchCell& cell = scene_.cells[number];
       const Four begin = begin_of(cell.corner), slope = slope_of(cell.corner);
@@ -349,18 +371,31 @@ class Ray {
       if (entering) {
         entering = false;
         const float in_at = crossing[from];
-        const float first = section_from(in_at, per_mm_);
-        next = next > first ? next : first;
+        reached_ = reached_ > in_at ? reached_ : in_at;
+        next = section_beyond(reached_, per_mm_);
         if (scene_.sheeted != 0 && in_at < end_mm) pass_sheet(cell, int(from), true, in_at);
       }
       const float stop = out_at < end_mm ? out_at : end_mm;
+      const std::uint32_t into = cell.beyond[exit];
+      const bool closes = into == kMarchNone || out_at >= end_mm;
+      if (begins && reached_ < stop) {
+        begins = false;
+        take(cell, reached_, 0);
+      }
       const float beyond = section_from(stop, per_mm_);
-      if (beyond > next) {
-        if (cell.hidden == 0) gather(cell, std::int32_t(next), std::int32_t(beyond));
+      if (!begins && beyond > next) {
+        if (cell.hidden != 0) {
+          pass_hidden(cell, next, beyond);
+        } else {
+          gather(cell, std::int32_t(next), std::int32_t(beyond));
+        }
         next = beyond;
       }
-      if (out_at >= end_mm || through_ <= ended_share_) return false;
-      const std::uint32_t into = cell.beyond[exit];
+      if (!begins && closes && through_ > scene_.ended_share) {
+        take(cell, stop, last_mask_ == kNothing ? 0 : 1);
+        reached_ = stop;
+      }
+      if (out_at >= end_mm || through_ <= scene_.ended_share) return false;
       if (into == kMarchNone) {
         if (scene_.sheeted != 0) pass_sheet(cell, exit, false, out_at);
         return true;
@@ -378,12 +413,57 @@ class Ray {
     return four(of[0]) * along_[0] + four(of[1]) * along_[1] - four(of[2]);
   }
 
+  /// A sample of its own.
+  void take(const MarchCell& cell, float depth_mm, float linked) {
+    const Four place = begin_of(cell.voxel) + slope_of(cell.voxel) * depth_mm;
+    const Four turn = begin_of(cell.turn) + slope_of(cell.turn) * depth_mm;
+    const int at = waiting_.count++;
+    for (int axis = 0; axis < 3; ++axis) {
+      const float last_texel = float(scene_.volume.size[axis]) - 1.001F;
+      const float from_first = place[axis] > 0 ? place[axis] : 0;
+      waiting_.place[axis][at] = from_first < last_texel ? from_first : last_texel;
+    }
+    for (int c = 0; c < 4; ++c) waiting_.turn[c][at] = turn[c];
+    waiting_.linked[at] = linked;
+    waiting_.depth_mm[at] = depth_mm;
+    if (scene_.tinted != 0) waiting_.tint[at] = tint_at(cell) + depth_mm * tint_slope(cell);
+    if (waiting_.count >= kLanes) shade();
+  }
+
+  /// Of a cell in which nothing can be seen: the sample that a segment before it ends at.
+  void pass_hidden(const MarchCell& cell, float first, float last) {
+    const bool ends = last_mask_ != kNothing;
+    if (ends) take(cell, first * scene_.spacing_mm, 1);
+    last_kept_ = ends && last - first < 1.5F;
+    last_mask_ = kNothing;
+  }
+
+  /// The sample before a cross-section that has `mask`, where a segment must begin there and it was left out.
+  KIROKU_INLINE void take_before(const MarchCell& cell, std::int32_t section, std::int32_t mask) {
+    const bool comes_into_view = last_mask_ == kNothing && mask != kNothing;
+    if (last_kept_ || !(comes_into_view || mask == 0)) return;
+    take(cell, float(section - 1) * scene_.spacing_mm, comes_into_view ? 0 : 1);
+  }
+
+  KIROKU_INLINE float tint_at(const MarchCell& cell) const {
+    return cell.tint[0] * origin_[0] + cell.tint[1] * origin_[1] + cell.tint[3];
+  }
+  KIROKU_INLINE float tint_slope(const MarchCell& cell) const {
+    return cell.tint[0] * along_[0] + cell.tint[1] * along_[1] - cell.tint[2];
+  }
+
+  /// Of cross-sections where cells of the CT are so opaque: 0 for each, and 1, 3 or 7 for every second,
+  /// fourth or eighth, which has none of these bits; kNothing where nothing can be seen.
+  KIROKU_INLINE Whole masks_of(Whole opacity) const {
+    return (opacity <= scene_.sparse[0] ? all(1) : all(0)) | (opacity <= scene_.sparse[1] ? all(3) : all(0)) |
+           (opacity <= scene_.sparse[2] ? all(7) : all(0)) | (opacity <= 0 ? all(kNothing) : all(0));
+  }
+
   /// The samples of a cell on the cross-sections [first, last).
   void gather(const MarchCell& cell, std::int32_t first, std::int32_t last) {
     const Four place = begin_of(cell.voxel), step = slope_of(cell.voxel);
     const Four turn = begin_of(cell.turn), turning = slope_of(cell.turn);
-    const float tint = cell.tint[0] * origin_[0] + cell.tint[1] * origin_[1] + cell.tint[3];
-    const float tinting = cell.tint[0] * along_[0] + cell.tint[1] * along_[1] - cell.tint[2];
+    const float tint = tint_at(cell), tinting = tint_slope(cell);
     const MarchVolume& volume = scene_.volume;
     // In most cells that are seen at all, everything is.
     const bool dense = std::int32_t(cell.least_opacity) > scene_.sparse[0];
@@ -398,30 +478,44 @@ class Ray {
         // The bound comes second: it is also what becomes of a number that is none.
         const Real last_texel = all(float(volume.size[axis]) - 1.001F);
         at[axis] = least(most(at[axis], all(0.0F)), last_texel);
-        if (!dense) index = index * volume.size[axis] + truncated(at[axis]);
+        if (!dense) index = index * volume.blocks[axis] + (truncated(at[axis]) >> 1);
       }
       unsigned lanes = left < kLanes ? (1U << unsigned(left)) - 1U : 0xffffU;
-      Real length_mm = all(section_mm_);
+      Real linked = all(1.0F);
       if (!dense) {
-        const Whole opacity = bytes_at(volume.opacity, index, left);
-        // 1, 2, 4 or 8 less one.
-        const Whole sparse = (opacity <= scene_.sparse[0] ? all(1) : all(0)) |
-                             (opacity <= scene_.sparse[1] ? all(3) : all(0)) |
-                             (opacity <= scene_.sparse[2] ? all(7) : all(0));
-        lanes &= lanes_of((opacity > 0) & ((sections & sparse) == 0));
+        const int last_lane = left < kLanes ? left - 1 : kLanes - 1;
+        Whole mask = masks_of(bytes_at(volume.opacity, index, left));
+        take_before(cell, section, mask[0]);
+        if (through_ <= scene_.ended_share) return;
+        Whole before = bits_as_whole(moved_up<1>(bits_as_real(mask)));
+        before[0] = last_mask_;
+        // What is behind the last one is not known yet.
+        Whole behind = bits_as_whole(moved_down(bits_as_real(mask)));
+        behind[last_lane] = kNothing;
+        const Whole is_nothing = mask == kNothing, was_nothing = before == kNothing;
+        // Where a segment that can be seen begins or ends.
+        const Whole is_border = is_nothing & ~(was_nothing & (behind == kNothing));
+        lanes &= lanes_of(is_border | ((sections & mask & before & behind) == 0));
+        linked = (is_nothing & was_nothing) != 0 ? all(0.0F) : all(1.0F);
+        last_mask_ = mask[last_lane];
+        last_kept_ = (lanes >> unsigned(last_lane) & 1U) != 0;
         if (lanes == 0) continue;
-        length_mm = real(sparse + 1) * section_mm_;
+      } else {
+        take_before(cell, section, 0);
+        if (through_ <= scene_.ended_share) return;
+        last_mask_ = 0;
+        last_kept_ = true;
       }
       const int count = waiting_.count;
       for (int axis = 0; axis < 3; ++axis) append(waiting_.place[axis] + count, at[axis], lanes);
       for (int c = 0; c < 4; ++c) append(waiting_.turn[c] + count, turn[c] + t * turning[c], lanes);
-      append(waiting_.length_mm + count, length_mm, lanes);
+      append(waiting_.linked + count, linked, lanes);
+      append(waiting_.depth_mm + count, t, lanes);
       if (scene_.tinted != 0) append(waiting_.tint + count, tint + t * tinting, lanes);
-      if (scene_.tip != 0) append(waiting_.depth_mm + count, t, lanes);
       waiting_.count += __builtin_popcount(lanes);
       if (waiting_.count < kLanes) continue;
       shade();
-      if (through_ <= ended_share_) return;
+      if (through_ <= scene_.ended_share) return;
     }
   }
 
@@ -446,9 +540,15 @@ class Ray {
     store(weights[3], part[1] * part[2]);
     store(across, part[0]);
     __builtin_memcpy(indices, &index, sizeof indices);
+    const Real depth = load(waiting_.depth_mm);
+    Real front = moved_up<1>(depth);
+    front[0] = last_depth_mm_;
+    store(waiting_.length_mm, most(depth - front, all(0.0F)) * (length_ * load(waiting_.linked)));
     float* const texels = waiting_.texels;
     float* const tissues = waiting_.tissues;
     const std::size_t row = 4 * std::size_t(volume.size[0]), plane = row * std::size_t(volume.size[1]);
+    std::size_t last_node = last_node_;
+    float spent = spent_;
     for (int i = 0; i < count; ++i) {
       const std::uint16_t* const texel = volume.texels + 4 * std::size_t(indices[i]);
       const Eight mean =
@@ -457,17 +557,29 @@ class Ray {
                   scaled(two_texels(texel + row + plane), weights[3][i])));
       const Four low = low_half(mean), found = low + (high_half(mean) - low) * across[i];
       __builtin_memcpy(texels + 4 * i, &found, sizeof found);
-      const auto entry = std::int32_t(found[3] * (4095.0F / 65535) + 0.5F);
-      __builtin_memcpy(tissues + 4 * i, volume.tissue + 4 * entry, 4 * sizeof(float));
-      spent_ += volume.tissue[4 * entry + 3] * waiting_.length_mm[i];
+      const std::size_t node = volume.node_of[std::int32_t(found[3] * (4095.0F / 65535) + 0.5F)];
+      const Four tissue = halves(volume.segments + 4 * (kNodes * last_node + node));
+      last_node = node;
+      __builtin_memcpy(tissues + 4 * i, &tissue, sizeof tissue);
+      spent += tissue[3] * kOneOverExtinctionScale * waiting_.length_mm[i];
       // The ray ends within these sixteen.
-      if (spent_ > ended_extinction_) count = i + 1;
+      if (spent > scene_.ended_extinction) count = i + 1;
     }
+    last_node_ = last_node;
+    spent_ = spent;
     Real texel[4], tissue[4];
     transpose(texels, texel);
     transpose(tissues, tissue);
     if (scene_.tinted != 0) tint(tissue);
-    add(texel, tissue, count);
+    Real gradient[3];
+    for (int c = 0; c < 3; ++c) {
+      Real before = moved_up<1>(texel[c]);
+      before[0] = last_texel_[c];
+      gradient[c] = (texel[c] + before) * (0.5F * scene_.gradient_scale) - scene_.gradient_zero;
+    }
+    add(gradient, (depth + front) * 0.5F, tissue, count);
+    for (int c = 0; c < 3; ++c) last_texel_[c] = texel[c][count - 1];
+    last_depth_mm_ = depth[count - 1];
     waiting_.keep_from(count);
   }
 
@@ -484,10 +596,8 @@ class Ray {
       tissue[c] = tissue[c] * (1 - scene_.tint_share) + painted[c] * scene_.tint_share;
   }
 
-  /// Lights the first `count` samples and blends them over what is behind.
-  void add(const Real texel[4], const Real tissue[4], int count) {
-    Real g[3];
-    for (int c = 0; c < 3; ++c) g[c] = texel[c] * scene_.gradient_scale - scene_.gradient_zero;
+  /// Lights the first `count` segments, whose middles are so deep, and blends them over what is behind.
+  void add(const Real g[3], Real depth_mm, const Real tissue[4], int count) {
     const Real steep = root(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
     const Real shaded = least(most((steep - scene_.edge_from) * scene_.edge_scale, all(0.0F)), all(1.0F));
     const Real q0 = load(waiting_.turn[0]), q1 = load(waiting_.turn[1]), q2 = load(waiting_.turn[2]),
@@ -504,7 +614,7 @@ class Ray {
     const Real n[3] = {n0, n1, n2};
     Real lit, shine;
     if (scene_.tip != 0) {
-      light_by_tip(n, shaded, lit, shine);
+      light_by_tip(n, shaded, depth_mm, lit, shine);
     } else {
       const Real falling =
           most(n0 * scene_.light[0] + n1 * scene_.light[1] + n2 * scene_.light[2], all(0.0F));
@@ -514,7 +624,7 @@ class Ray {
       lit = scene_.ambient + scene_.diffuse * diffuse;
       shine = scene_.specular * shaded * gloss;
     }
-    Real taken = tissue[3] * load(waiting_.length_mm);
+    Real taken = tissue[3] * kOneOverExtinctionScale * load(waiting_.length_mm);
     taken = real(counting_whole()) < float(count) ? taken : all(0.0F);
     const Real after = through_ * power_of_two(-sums_up_to(taken));
     Real before = moved_up<1>(after);
@@ -525,8 +635,7 @@ class Ray {
   }
 
   /// As tip_lighting.h has it: what a colour is multiplied by, and what the film of water adds.
-  void light_by_tip(const Real n[3], Real shaded, Real& lit, Real& shine) const {
-    const Real depth = load(waiting_.depth_mm);
+  void light_by_tip(const Real n[3], Real shaded, Real depth, Real& lit, Real& shine) const {
     Real l[3], h[3];
     for (int c = 0; c < 2; ++c) l[c] = scene_.light[c] - (origin_[c] + depth * along_[c]);
     l[2] = scene_.light[2] + depth;
@@ -598,38 +707,56 @@ class Ray {
   const MarchScene& scene_;
   Waiting& waiting_;
   float origin_[2] = {0, 0}, along_[2] = {0, 0};
-  float length_ = 1, section_mm_ = 0, per_mm_ = 0;
+  float length_ = 1, per_mm_ = 0;
   float to_eye_[3], between_[3];
-  float ended_share_ = kEndedShare, ended_extinction_ = kEndedExtinction;
   Real sums_[3];
   float sheet_sum_[3] = {0, 0, 0};
   float through_ = 1;
-  float spent_ = 0;  // extinction up to here
+  float spent_ = 0;    // extinction up to here
+  float reached_ = 0;  // depth up to which was gathered
+  // Of the cross-section before.
+  std::int32_t last_mask_ = 0;
+  bool last_kept_ = true;
+  // Of the sample that was shaded last.
+  float last_texel_[3] = {0, 0, 0};
+  float last_depth_mm_ = 0;
+  std::size_t last_node_ = 0;
 };
 
-/// The pixels of a tile. Every second pixel of every second row is cast first, and the last of both. Between
-/// pixels that are alike, others are their mean; the rest is cast too.
+/// The pixels of a tile. Every stride-th pixel of every stride-th row is cast first, and the last of both.
+/// What is half way between pixels that are alike is between them in colour too, the rest is cast; so again
+/// with half the stride, until each pixel is there.
 class Tile {
  public:
   Tile(const MarchScene& scene, const MarchTile& tile)
       : scene_(scene), tile_(tile), width_(tile.x1 - tile.x0), height_(tile.y1 - tile.y0) {}
 
   void draw() {
+    bool any = false;
     for (int y = 0; y < height_; ++y) {
-      for (int x = 0; x < width_; ++x) {
-        if (scene_.likeness <= 0 || (is_first(x, width_) && is_first(y, height_))) cast(x, y);
-      }
+      for (int x = 0; x < width_; ++x) any |= tile_.layers[number(x, y)] != 0;
     }
-    if (scene_.likeness <= 0) return;
-    for (int y = 0; y < height_; ++y) {
-      for (int x = 0; x < width_; ++x) {
-        if (!(is_first(x, width_) && is_first(y, height_)) && !interpolate(x, y)) cast(x, y);
+    if (!any) return;
+    const int first = scene_.likeness > 0 ? scene_.stride : 1;
+    for (int y = 0; y < height_; y = next(y, first, height_)) {
+      for (int x = 0; x < width_; x = next(x, first, width_)) cast(x, y);
+    }
+    for (int apart = first; apart > 1; apart /= 2) {
+      for (int y = 0; y < height_; y = next(y, apart / 2, height_)) {
+        for (int x = 0; x < width_; x = next(x, apart / 2, width_)) {
+          if (!(is_on(x, apart, width_) && is_on(y, apart, height_)) && !interpolate(x, y, apart)) cast(x, y);
+        }
       }
     }
   }
 
  private:
-  static bool is_first(int at, int size) { return at % 2 == 0 || at == size - 1; }
+  // `apart` is a power of two.
+  static bool is_on(int at, int apart, int size) { return (at & (apart - 1)) == 0 || at == size - 1; }
+  static int next(int at, int apart, int size) {
+    const int after = (at & -apart) + apart;
+    return after < size || at == size - 1 ? after : size - 1;
+  }
   static int number(int x, int y) { return y * kMarchTile + x; }
 
   void cast(int x, int y) {
@@ -641,29 +768,42 @@ class Tile {
     ray.follow(tile_.entries + pixel * kMarchLayers, layers, tile_.end_mm[pixel], tile_.colour + 3 * pixel);
   }
 
-  bool interpolate(int x, int y) {
-    const int left = is_first(x, width_) ? x : x - 1, right = is_first(x, width_) ? x : x + 1;
-    const int above = is_first(y, height_) ? y : y - 1, below = is_first(y, height_) ? y : y + 1;
+  /// What lies around, of pixels so far apart, and its share in what is between.
+  struct Neighbours {
+    int from, to;
+    float share;  // of the second
+  };
+  static Neighbours around(int at, int apart, int size) {
+    if (is_on(at, apart, size)) return {at, at, 0};
+    const int from = at & -apart, to = next(from, apart, size);
+    return {from, to, float(at - from) / float(to - from)};
+  }
+
+  bool interpolate(int x, int y, int apart) {
+    const Neighbours across = around(x, apart, width_), down = around(y, apart, height_);
     const int pixel = number(x, y);
-    const int around[4] = {number(left, above), number(right, above), number(left, below),
-                           number(right, below)};
+    if (tile_.layers[pixel] == 0 || tile_.end_mm[pixel] < kFarMm) return false;
+    const int corners[4] = {number(across.from, down.from), number(across.to, down.from),
+                            number(across.from, down.to), number(across.to, down.to)};
+    const float shares[4] = {(1 - across.share) * (1 - down.share), across.share * (1 - down.share),
+                             (1 - across.share) * down.share, across.share * down.share};
     float least[3], most[3], sum[3] = {0, 0, 0};
-    for (int c = 0; c < 3; ++c) least[c] = most[c] = tile_.colour[3 * around[0] + c];
-    for (const int other : around) {
+    for (int c = 0; c < 3; ++c) least[c] = most[c] = tile_.colour[3 * corners[0] + c];
+    for (int corner = 0; corner < 4; ++corner) {
+      const int other = corners[corner];
       // Where the body ends or a tool is, nothing is between.
       if (tile_.layers[other] != tile_.layers[pixel] || tile_.end_mm[other] < kFarMm) return false;
       for (int c = 0; c < 3; ++c) {
         const float colour = tile_.colour[3 * other + c];
-        sum[c] += colour;
+        sum[c] += shares[corner] * colour;
         least[c] = colour < least[c] ? colour : least[c];
         most[c] = colour > most[c] ? colour : most[c];
       }
     }
-    if (tile_.layers[pixel] == 0 || tile_.end_mm[pixel] < kFarMm) return false;
     for (int c = 0; c < 3; ++c) {
       if (most[c] - least[c] > scene_.likeness) return false;
     }
-    for (int c = 0; c < 3; ++c) tile_.colour[3 * pixel + c] = sum[c] * 0.25F;
+    for (int c = 0; c < 3; ++c) tile_.colour[3 * pixel + c] = sum[c];
     return true;
   }
 

@@ -46,10 +46,14 @@ struct Scene {
   std::shared_ptr<const LensRays> lens;
   /// The picture is a disc in black, as wide as its lesser side.
   bool round = false;
-  /// Between cross-sections, along the view; 0: half of the CT's least voxel spacing, and by a light at the
-  /// tip kTipSpacingM at most.
+  /// Between cross-sections, along the view; 0: kVoxelShare of the CT's least voxel spacing, and by a light
+  /// at the tip kTipSpacingM at most; while the scene moves, kMovingVoxelShare.
   double spacing_m = 0;
+  static constexpr double kVoxelShare = 0.5, kMovingVoxelShare = 0.8;
   static constexpr double kTipSpacingM = 0.2e-3;
+  /// The picture is one of many of what moves: it may be coarser, as long as it is quicker. For what is kept,
+  /// false.
+  bool moving = false;
   std::vector<Solid> solids;
   std::optional<StressTint> stress;
   std::optional<SurfaceSheet> surface;

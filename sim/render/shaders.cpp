@@ -154,7 +154,8 @@ layout(binding = 0) uniform usampler2DArray entries;
 layout(binding = 1) uniform sampler2D solid_colour;
 layout(binding = 2) uniform sampler2D solid_distance;
 layout(binding = 3) uniform sampler3D volume;
-layout(binding = 4) uniform sampler1D transfer;
+layout(binding = 4) uniform sampler2D segments;  // as preintegration.h has them
+layout(binding = 7) uniform usampler1D nodes_of_hu;
 layout(binding = 5) uniform sampler1D stress_colours;
 #ifdef LENS
 layout(binding = 6) uniform sampler2D slopes;
@@ -203,19 +204,25 @@ void main() {
 #endif
   vec3 origin = parallel != 0 ? vec3(s, 0) : vec3(0);
   vec3 along = parallel != 0 ? vec3(0, 0, -1) : vec3(s, -1);
-  float section_mm = spacing * length(along);
+  float length_per_depth = length(along);
   vec3 to_eye = -normalize(along);
   vec3 between = normalize(light + to_eye);
   float end = texelFetch(solid_distance, pixel, 0).x;
   vec3 sum = vec3(0);
   float through = 1;
-  float next = 0;  // the cross-section that comes next, from the eye
+  float reached = 0;  // depth up to which was gathered
   for (int layer = 0; layer < layers; ++layer) {
     uint face = texelFetch(entries, ivec3(pixel, layer), 0).x;
     if (face == kNone || through <= kEnded) break;
     uint cell = face >> 2;
     uint from = face & 3u;
     bool entering = true;
+    bool begins = true;  // the layer's first sample is still to come
+    float next = 0;      // the cross-section that comes next, from the eye
+    // The last sample.
+    vec3 last_gradient = vec3(0);
+    float last_at = 0;
+    int last_node = 0;
     uvec4 beyond = links[cell].neighbours;
     for (int met = 0; met < kMostCells; ++met) {
       vec4 row1 = cells[cell].barycentric[0], row2 = cells[cell].barycentric[1], row3 = cells[cell].barycentric[2];
@@ -235,7 +242,8 @@ void main() {
       if (entering) {
         entering = false;
         float in_at = from == 0u ? crossing.x : from == 1u ? crossing.y : from == 2u ? crossing.z : crossing.w;
-        next = max(next, ceil(in_at / spacing));
+        reached = max(reached, in_at);
+        next = floor(reached / spacing) + 1;
 #ifdef SURFACE
         if (in_at < end) {
           vec3 inward = from == 0u ? -row1.xyz - row2.xyz - row3.xyz : from == 1u ? row1.xyz : from == 2u ? row2.xyz : row3.xyz;
@@ -252,61 +260,77 @@ void main() {
         }
 #endif
       }
-      if ((nodes.x & kEmpty) != 0u) {
-        next = max(next, ceil(out_at / spacing));
-      }
+      uint into = exit == 0u ? beyond.x : exit == 1u ? beyond.y : exit == 2u ? beyond.z : beyond.w;
       float stop = min(out_at, end);
-      if (next * spacing < stop && through > kEnded) {
+      bool closes = into == kNone || out_at >= end;
+      // The first and the last sample of what cannot be seen are those that segments beside it need.
+      bool empty = (nodes.x & kEmpty) != 0u;
+      float at = begins ? reached : next * spacing;
+      if ((at < stop || closes) && through > kEnded) {
         vec4 tex1 = cells[cell].texture[0], tex2 = cells[cell].texture[1], tex3 = cells[cell].texture[2];
         vec3 place = vec3(dot(tex1.xyz, origin) + tex1.w, dot(tex2.xyz, origin) + tex2.w, dot(tex3.xyz, origin) + tex3.w);
         vec3 step = vec3(dot(tex1.xyz, along), dot(tex2.xyz, along), dot(tex3.xyz, along));
         // Quaternions of one rotation have two signs: those of the corner 0 decide.
-        vec4 q0 = rotations[nodes.x], q1 = rotations[nodes.y], q2 = rotations[nodes.z], q3 = rotations[nodes.w];
+        vec4 q0 = rotations[nodes.x & ~kEmpty], q1 = rotations[nodes.y], q2 = rotations[nodes.z], q3 = rotations[nodes.w];
         q1 *= dot(q0, q1) < 0 ? -1 : 1;
         q2 *= dot(q0, q2) < 0 ? -1 : 1;
         q3 *= dot(q0, q3) < 0 ? -1 : 1;
         vec4 turn = begin.x * q0 + begin.y * q1 + begin.z * q2 + begin.w * q3;
         vec4 turning = slope.x * q0 + slope.y * q1 + slope.z * q2 + slope.w * q3;
 #ifdef STRESS
-        vec4 numbers = vec4(stress[nodes.x], stress[nodes.y], stress[nodes.z], stress[nodes.w]) * tint.y;
+        vec4 numbers = vec4(stress[nodes.x & ~kEmpty], stress[nodes.y], stress[nodes.z], stress[nodes.w]) * tint.y;
         float number = dot(begin, numbers), number_slope = dot(slope, numbers);
 #endif
+        bool more;
         do {
-          float t = next * spacing;
-          next += 1;
+          bool in_front = at < stop;
+          float t = in_front ? at : stop;
           vec4 texel = textureLod(volume, place + t * step, 0);
-          vec4 tissue = texelFetch(transfer, int(texel.a * 4095 + 0.5), 0);
-          vec4 q = turn + t * turning;
-          vec3 gradient = texel.rgb * edge.z - edge.w;
-          float steep = length(gradient);
-          float shaded = clamp((steep - edge.x) * edge.y, 0, 1);
-          // Towards where there is less: air, fat, outside.
-          vec3 n = turned(q * inversesqrt(dot(q, q)), gradient) / -max(steep, 1e-6);
+          int node = int(texelFetch(nodes_of_hu, int(texel.a * 4095 + 0.5), 0).x);
+          vec3 here = texel.rgb * edge.z - edge.w;
+          float length_mm = begins ? 0 : max(t - last_at, 0) * length_per_depth;
+          vec4 tissue = texelFetch(segments, ivec2(node, begins ? node : last_node), 0);
+          float share = exp2(-tissue.a * (1.0 / 64) * length_mm);
+          if (share < 1) {
+            vec4 q = turn + t * turning;
+            vec3 gradient = 0.5 * (last_gradient + here);
+            float steep = length(gradient);
+            float shaded = clamp((steep - edge.x) * edge.y, 0, 1);
+            // Towards where there is less: air, fat, outside.
+            vec3 n = turned(q * inversesqrt(dot(q, q)), gradient) / -max(steep, 1e-6);
 #ifdef TIP
-          vec3 towards = tip.xyz - (origin + t * along);
-          float square = max(dot(towards, towards), 1e-6);
-          vec3 l = towards * inversesqrt(square);
-          float diffuse = mix(0.75, max(dot(n, l), 0), shaded);
+            vec3 towards = tip.xyz - (origin + 0.5 * (last_at + t) * along);
+            float square = max(dot(towards, towards), 1e-6);
+            vec3 l = towards * inversesqrt(square);
+            float diffuse = mix(0.75, max(dot(n, l), 0), shaded);
 #else
-          float diffuse = mix(0.75, max(dot(n, light), 0), shaded);
-          float gloss = exp2(lighting.w * log2(max(dot(n, between), 1e-6)));
+            float diffuse = mix(0.75, max(dot(n, light), 0), shaded);
+            float gloss = exp2(lighting.w * log2(max(dot(n, between), 1e-6)));
 #endif
 #ifdef STRESS
-          vec3 painted = texelFetch(stress_colours, int(clamp(number + t * number_slope, 0, 1) * 255 + 0.5), 0).rgb;
-          tissue.rgb = mix(tissue.rgb, painted, tint.x);
+            vec3 painted = texelFetch(stress_colours, int(clamp(number + t * number_slope, 0, 1) * 255 + 0.5), 0).rgb;
+            tissue.rgb = mix(tissue.rgb, painted, tint.x);
 #endif
 #ifdef TIP
-          vec3 lit = tip.w / square * (tissue.rgb * (lighting.x + lighting.y * diffuse) + film.x * shaded * wet_highlight(n, l, to_eye));
+            vec3 lit = tip.w / square * (tissue.rgb * (lighting.x + lighting.y * diffuse) + film.x * shaded * wet_highlight(n, l, to_eye));
 #else
-          vec3 lit = tissue.rgb * (lighting.x + lighting.y * diffuse) + lighting.z * shaded * gloss;
+            vec3 lit = tissue.rgb * (lighting.x + lighting.y * diffuse) + lighting.z * shaded * gloss;
 #endif
-          float share = exp2(-tissue.a * section_mm);
-          sum += through * (1 - share) * lit;
-          through *= share;
-        } while (next * spacing < stop && through > kEnded);
+            sum += through * (1 - share) * lit;
+            through *= share;
+          }
+          last_gradient = here;
+          last_node = node;
+          last_at = t;
+          if (in_front && !begins) next += 1;
+          if (empty && in_front) next = max(next, ceil(stop / spacing) - 1);
+          begins = false;
+          at = next * spacing;
+          more = (at < stop || (closes && in_front)) && through > kEnded;
+        } while (more);
+        reached = last_at;
       }
       if (out_at >= end || through <= kEnded) { layer = layers; break; }
-      uint into = exit == 0u ? beyond.x : exit == 1u ? beyond.y : exit == 2u ? beyond.z : beyond.w;
 #ifdef SURFACE
       if (into == kNone) {
         vec3 inward = exit == 0u ? -row1.xyz - row2.xyz - row3.xyz : exit == 1u ? row1.xyz : exit == 2u ? row2.xyz : row3.xyz;

@@ -14,6 +14,7 @@
 #include "sim/render/gl_objects.h"
 #include "sim/render/gl_vector.h"
 #include "sim/render/picture_squares.h"
+#include "sim/render/preintegration.h"
 #include "sim/render/shaders.h"
 #include "sim/render/tip_lighting.h"
 
@@ -44,8 +45,9 @@ class VolumeRenderer::Drawing {
   [[nodiscard]] const GlContext& context() const { return *context_; }
 
  private:
-  void upload(const ShadedVolume& volume, const TransferFunction& transfer);
+  void upload(const ShadedVolume& volume);
   void upload_colours(std::vector<Float4> colours, const GlHandle& plain, const GlHandle& linear);
+  const GlHandle& segments_of(double length_mm, bool linear);
   void resize(int width, int height);
   void make_room_to_pack(int width, int height);
   void attach(const GlHandle& framebuffer, std::span<const GLenum> attachments);
@@ -67,8 +69,11 @@ class VolumeRenderer::Drawing {
   std::unique_ptr<GlContext> context_;
   const GlFunctions& gl_;
   TransferFunction transfer_;
-  GlHandle vertex_array_, volume_, transfer_colours_, stress_colours_;
-  GlHandle linear_transfer_, linear_stress_;  // the same, linear in light
+  GlHandle vertex_array_, volume_, stress_colours_;
+  GlHandle linear_stress_;  // the same, linear in light
+  GlHandle nodes_of_hu_;    // as preintegration.h has them
+  /// By the segments' length, and whether their colours are linear in light.
+  std::map<std::pair<double, bool>, GlHandle> segments_;
   GlHandle positions_, surface_, cells_, links_, rotations_, stress_, solid_vertices_;
   GlHandle entry_program_, solid_program_;
   GlHandle tip_solid_program_;  // once it is asked for
@@ -97,10 +102,9 @@ VolumeRenderer::Drawing::Drawing(std::unique_ptr<GlContext> context, const Shade
       transfer_(transfer),
       vertex_array_(make_vertex_array(gl_)),
       volume_(make_texture(gl_, GL_TEXTURE_3D)),
-      transfer_colours_(make_texture(gl_, GL_TEXTURE_1D)),
       stress_colours_(make_texture(gl_, GL_TEXTURE_1D)),
-      linear_transfer_(make_texture(gl_, GL_TEXTURE_1D)),
       linear_stress_(make_texture(gl_, GL_TEXTURE_1D)),
+      nodes_of_hu_(make_texture(gl_, GL_TEXTURE_1D)),
       positions_(make_buffer(gl_)),
       surface_(make_buffer(gl_)),
       cells_(make_buffer(gl_)),
@@ -112,7 +116,7 @@ VolumeRenderer::Drawing::Drawing(std::unique_ptr<GlContext> context, const Shade
       solid_program_(make_program(gl_, solid_vertex_shader(), solid_fragment_shader(false))) {
   for (GlHandle& query : queries_) query = make_query(gl_, GL_ANY_SAMPLES_PASSED);
   if (!context_->is_software()) pack_program_ = make_compute_program(gl_, pack_compute_shader());
-  upload(volume, transfer);
+  upload(volume);
 }
 
 VolumeRenderer::Drawing::~Drawing() {
@@ -122,7 +126,7 @@ VolumeRenderer::Drawing::~Drawing() {
   }
 }
 
-void VolumeRenderer::Drawing::upload(const ShadedVolume& volume, const TransferFunction& transfer) {
+void VolumeRenderer::Drawing::upload(const ShadedVolume& volume) {
   GLint largest = 0;
   gl_.GetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &largest);
   if (*std::ranges::max_element(volume.size) > static_cast<std::size_t>(largest)) {
@@ -139,12 +143,9 @@ void VolumeRenderer::Drawing::upload(const ShadedVolume& volume, const TransferF
   // The texels at the border are air.
   for (const GLenum axis : {GLenum{GL_TEXTURE_WRAP_S}, GLenum{GL_TEXTURE_WRAP_T}, GLenum{GL_TEXTURE_WRAP_R}})
     gl_.TextureParameteri(volume_.name(), axis, GL_CLAMP_TO_EDGE);
+  gl_.TextureStorage1D(nodes_of_hu_.name(), 1, GL_R8UI, static_cast<GLsizei>(kHuEntries));
+  sample_nearest(gl_, nodes_of_hu_);
   std::vector<Float4> colours;
-  colours.reserve(transfer.entries.size());
-  for (const TransferFunction::Entry& entry : transfer.entries)
-    colours.push_back({entry.colour[0], entry.colour[1], entry.colour[2], entry.extinction_per_mm});
-  upload_colours(colours, transfer_colours_, linear_transfer_);
-  colours.clear();
   constexpr int kStressColours = 256;
   for (int i = 0; i < kStressColours; ++i)
     colours.push_back(share_of(viridis(i / double{kStressColours - 1}), 1));
@@ -163,6 +164,25 @@ void VolumeRenderer::Drawing::upload_colours(std::vector<Float4> colours, const 
       for (std::size_t c = 0; c < 3; ++c) colour[c] = static_cast<float>(linear_light(double{colour[c]}));
     }
   }
+}
+
+/// The table for segments of such a length, computed where it is not there.
+const GlHandle& VolumeRenderer::Drawing::segments_of(double length_mm, bool linear) {
+  const std::pair key(length_mm, linear);
+  if (const auto found = segments_.find(key); found != segments_.end()) return found->second;
+  constexpr std::size_t kMost = 8;
+  if (segments_.size() == kMost) segments_.clear();
+  const Preintegration table = preintegrate(transfer_, length_mm, linear);
+  constexpr auto kSide = static_cast<GLsizei>(Preintegration::kNodes);
+  GlHandle texture = make_texture(gl_, GL_TEXTURE_2D);
+  gl_.TextureStorage2D(texture.name(), 1, GL_RGBA16F, kSide, kSide);
+  sample_nearest(gl_, texture);
+  gl_.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
+  gl_.TextureSubImage2D(texture.name(), 0, 0, 0, kSide, kSide, GL_RGBA, GL_HALF_FLOAT, table.segments.data());
+  // The same for each length.
+  gl_.TextureSubImage1D(nodes_of_hu_.name(), 0, 0, static_cast<GLsizei>(kHuEntries), GL_RED_INTEGER,
+                        GL_UNSIGNED_BYTE, table.node_of.data());
+  return segments_.emplace(key, std::move(texture)).first->second;
 }
 
 void VolumeRenderer::Drawing::set_mesh(const PlacedMesh& mesh) {
@@ -438,9 +458,10 @@ void VolumeRenderer::Drawing::cast(const PlacedMesh& mesh, const Scene& scene, i
   gl_.BindTextureUnit(1, solid_colour_.name());
   gl_.BindTextureUnit(2, solid_distance_.name());
   gl_.BindTextureUnit(3, volume_.name());
-  gl_.BindTextureUnit(4, (scene.tip_light ? linear_transfer_ : transfer_colours_).name());
+  gl_.BindTextureUnit(4, segments_of(spacing_m * kMmPerM, scene.tip_light.has_value()).name());
   gl_.BindTextureUnit(5, (scene.tip_light ? linear_stress_ : stress_colours_).name());
   if (scene.lens) gl_.BindTextureUnit(6, slopes_.name());
+  gl_.BindTextureUnit(7, nodes_of_hu_.name());
   // Rays are followed where the mesh is; beside it there is what is behind.
   gl_.BlitNamedFramebuffer(solid_target_.name(), picture_target_.name(), 0, 0, width_, height_, 0, 0, width_,
                            height_, GL_COLOR_BUFFER_BIT, GL_NEAREST);
@@ -679,8 +700,9 @@ Picture VolumeRenderer::render(std::span<const double> displacement_m, const Sce
 
 Picture VolumeRenderer::drawn(const Scene& scene) {
   // By a light at the tip, slices of skin are as steep as they are seen on.
-  const double half_m = volume_->spacing_m / 2;
-  const double own_m = scene.tip_light ? std::min(half_m, Scene::kTipSpacingM) : half_m;
+  const double still_m = volume_->spacing_m * Scene::kVoxelShare;
+  const double fine_m = scene.tip_light ? std::min(still_m, Scene::kTipSpacingM) : still_m;
+  const double own_m = scene.moving ? volume_->spacing_m * Scene::kMovingVoxelShare : fine_m;
   const double spacing_m = scene.spacing_m > 0 ? scene.spacing_m : own_m;
   if (drawing_) {
     try {

@@ -2,15 +2,16 @@
 // the mesh's nodes and the rays. Two engines draw the same picture: OpenGL, and a ray caster on the processor
 // (ray_caster.h).
 //
-// Source: section 3 of "Interactive Volume Manipulation for Supporting Preoperative Planning". The
-// picture is defined by cross-sections of the displaced tetrahedra at multiples of `spacing_m` from the eye,
-// perpendicular to the view: on each, tissue is where its initial coordinates find it in the CT, its colour
-// and opacity (for the length between two cross-sections along the ray) by the transfer function, its shading
-// by ambient, diffuse and specular (Blinn, 1977) light on the CT's gradient, turned by the rotations of the
-// four nodes, and cross-sections are blended over each other. Rays gather them from the nearest on, and end
-// where less than half a step of 8 bits could still be added; tetrahedra in which no HU can be seen are
-// passed over. Where a mesh overlaps itself, its layers are blended in the order they are entered, at most
-// kMostLayers.
+// Source: section 3 of "Interactive Volume Manipulation for Supporting Preoperative Planning". The picture is
+// defined by cross-sections of the displaced tetrahedra at multiples of `spacing_m` from the eye,
+// perpendicular to the view. Tissue is where its initial coordinates find it in the CT. HU run straight along
+// a ray from each cross-section to the next, from where it enters the mesh to the first, and from the last to
+// where it leaves it or meets a tool. What such a segment shows and takes of the light is the transfer
+// function's integral over it (preintegration.h). It is shaded by ambient, diffuse and specular (Blinn, 1977)
+// light on the CT's gradient, the mean of those at its ends, turned by the rotations of the four nodes at its
+// end. Rays gather segments from the nearest on, and end where less than half a step of 8 bits could still be
+// added; tetrahedra in which no HU can be seen are passed over. Where a mesh overlaps itself, its layers are
+// blended in the order they are entered, at most kMostLayers.
 #pragma once
 
 #include <memory>

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Table 1 of the paper on interactive volume manipulation: frames a second of simulation and shading together, for four organs, without a graphics
-# processor or (GPU=yes) on one, each beside OSMesa's picture of the same. Needs a folder of DICOM files and the labels of TotalSegmentator, as of
+# processor or (GPU=yes) on one, while something moves and at rest, each beside OSMesa's picture at rest. Needs a folder of DICOM files and the labels of TotalSegmentator, as of
 # LIDC-IDRI-0001:
 #   CT=FOLDER LABELS=FILE [GPU=yes] [SECONDS_EACH=5] [PICTURES=FOLDER] tests/bench/sim_table1.sh
 # Its last line is what docs/results/record.py takes:
@@ -21,6 +21,6 @@ figures=
 for organ in liver right-kidney breast right-lung; do
   "$bench" "$organ" --ct "$CT" --labels "$LABELS" "${engine[@]}" --seconds "${SECONDS_EACH:-5}" \
     --picture "$pictures/$organ.png" --reference "$pictures/$organ-osmesa.png" | tee "$scratch/said"
-  figures+=" $(grep -oE '(fps|cpu|vertices|ssim|differing)=[0-9.]+' "$scratch/said" | sed "s/^/${organ#right-}_/" | tr '\n' ' ')"
+  figures+=" $(grep -oE '\b(fps|cpu|still_fps|still_cpu|vertices|ssim|still_ssim|differing)=[0-9.]+' "$scratch/said" | sed "s/^/${organ#right-}_/" | tr '\n' ' ')"
 done
 echo $figures

@@ -7,8 +7,9 @@
 // ORGAN is liver, right-kidney or right-lung of a CT and TotalSegmentator's labels, or breast, a phantom that
 // is computed. The CT is resampled to 256^3 voxels around the organ. The mesh has at least as many vertices
 // as the paper's. The back of the organ is held, forceps pull the side towards the eye to and fro. Each frame
-// is a step of the manipulation and a picture of 512x512. --reference also draws one with OSMesa and
-// compares.
+// is a step of the manipulation and a picture of 512x512, first as they are while something moves
+// (sim/render/scene.h), then as they are at rest. --reference also draws a still one with OSMesa and compares
+// one of each with it.
 //
 // Prints lines for people, and last what docs/results/record.py takes: fps=38.1 cpu=40.2 ...
 
@@ -255,14 +256,34 @@ std::span<const double> numbers_of(const Eigen::VectorXd& displacement_m) {
 
 void compare(const Request& request, const std::shared_ptr<const ShadedVolume>& volume,
              const TransferFunction& transfer, Deformation& deformation, const Scene& scene,
-             const Picture& picture) {
+             const Picture& moving, const Picture& still) {
   VolumeRenderer software(volume, transfer, {GpuUse::kOff, Engine::kOpenGl});
   software.set_mesh(deformation.mesh());
   const Picture reference = software.render(numbers_of(deformation.at(0.4)), scene);
   write_png(request.reference, reference);
-  const kiroku::test::PictureLikeness found = kiroku::test::likeness(reference, picture);
-  std::printf("against %s: largest difference %d of 255\nssim=%.5f differing=%.3f\n",
-              software.renderer().c_str(), found.largest, found.ssim, 100 * found.share);
+  const kiroku::test::PictureLikeness moved = kiroku::test::likeness(reference, moving),
+                                      rested = kiroku::test::likeness(reference, still);
+  std::printf("against %s: largest difference %d of 255 at rest\nssim=%.5f still_ssim=%.5f differing=%.3f\n",
+              software.renderer().c_str(), rested.largest, moved.ssim, rested.ssim, 100 * rested.share);
+}
+
+struct Pace {
+  double fps, cpu_ms, simulation_ms;
+};
+Pace pace_of(VolumeRenderer& renderer, Deformation& deformation, const Scene& scene, double for_seconds) {
+  const double begin = seconds(), processor_begin = processor_seconds();
+  double simulation = 0;
+  int count = 0;
+  do {
+    constexpr double kFramesPerPull = 60;
+    const double start = seconds();
+    const Eigen::VectorXd& displacement_m = deformation.at(count / kFramesPerPull);
+    simulation += seconds() - start;
+    renderer.render(numbers_of(displacement_m), scene);
+    ++count;
+  } while (seconds() - begin < for_seconds);
+  return {count / (seconds() - begin), 1e3 * (processor_seconds() - processor_begin) / count,
+          1e3 * simulation / count};
 }
 
 int run(const Request& request) {
@@ -283,24 +304,18 @@ int run(const Request& request) {
             << "), " << deformation.mesh().tetrahedra.size() << " tetrahedra, CT 256^3 of "
             << subject.volume.grid.spacing_m.x() * 1000 << " mm, picture 512x512, " << renderer.renderer()
             << std::endl;
-  Picture picture = renderer.render(numbers_of(deformation.at(0.4)), scene);  // all memory is there
-  if (!request.picture.empty()) write_png(request.picture, picture);
-  if (!request.reference.empty()) compare(request, volume, subject.transfer, deformation, scene, picture);
-  const double begin = seconds(), processor_begin = processor_seconds();
-  double simulation = 0;
-  int count = 0;
-  do {
-    constexpr double kFramesPerPull = 60;
-    const double start = seconds();
-    const Eigen::VectorXd& displacement_m = deformation.at(count / kFramesPerPull);
-    simulation += seconds() - start;
-    picture = renderer.render(numbers_of(displacement_m), scene);
-    ++count;
-  } while (seconds() - begin < request.seconds);
-  const double all = seconds() - begin, processor = processor_seconds() - processor_begin;
-  std::printf("%d frames in %.2f s; the paper has %.0f frames/s\n", count, all, row.paper_fps);
-  std::printf("fps=%.1f cpu=%.1f simulation=%.2f vertices=%zu\n", count / all, 1e3 * processor / count,
-              1e3 * simulation / count, deformation.mesh().nodes.size());
+  const Picture still = renderer.render(numbers_of(deformation.at(0.4)), scene);  // all memory is there
+  scene.moving = true;
+  const Picture moving = renderer.render(numbers_of(deformation.at(0.4)), scene);
+  const Pace moved = pace_of(renderer, deformation, scene, request.seconds);
+  scene.moving = false;
+  const Pace rested = pace_of(renderer, deformation, scene, request.seconds);
+  if (!request.picture.empty()) write_png(request.picture, moving);
+  if (!request.reference.empty())
+    compare(request, volume, subject.transfer, deformation, scene, moving, still);
+  std::printf("the paper has %.0f frames/s\n", row.paper_fps);
+  std::printf("fps=%.1f cpu=%.1f still_fps=%.1f still_cpu=%.1f simulation=%.2f vertices=%zu\n", moved.fps,
+              moved.cpu_ms, rested.fps, rested.cpu_ms, moved.simulation_ms, deformation.mesh().nodes.size());
   return 0;
 }
 

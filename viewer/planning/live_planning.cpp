@@ -15,7 +15,8 @@ using std::chrono::duration;
 using std::chrono::milliseconds;
 
 constexpr std::size_t kMostQueued = 1000;
-/// Pictures while something moves are made so small that they take no longer; the last one is of full size.
+/// Pictures while something moves are coarse, and so small that they take no longer; the last one is fine and
+/// of full size.
 constexpr double kQuickPictureSeconds = 0.05;
 constexpr std::array kShares{1.0, 0.75, 0.5, 0.35};
 constexpr milliseconds kStill{200};
@@ -122,9 +123,9 @@ void LivePlanning::plan(PlanningTable& table) {
     if (!stale && !(quick && is_still)) continue;
     if (!listener_.ready()) continue;
     const double share = is_still ? 1 : quick_share();
-    show(table, share);
+    show(table, share, !is_still);
     stale = false;
-    quick = share < 1;
+    quick = !is_still;
   }
 }
 
@@ -187,12 +188,12 @@ double LivePlanning::quick_share() const {
   return kShares.back();
 }
 
-void LivePlanning::show(PlanningTable& table, double share) {
+void LivePlanning::show(PlanningTable& table, double share, bool moving) {
   const auto begin = clock_.now();
-  const sim::Picture picture = table.picture(share);
+  const sim::Picture picture = table.picture(share, moving);
   PlanningMoment moment{&table, &picture,   ++pictures_,         input_.number,
                         moves_, computing_, clock_.now() - begin};
-  full_picture_s_ = duration<double>(moment.drawing).count() / std::pow(share, 3);
+  if (moving) full_picture_s_ = duration<double>(moment.drawing).count() / std::pow(share, 3);
   listener_.shown(moment);
   if (!std::exchange(timed_, true)) input_to_picture_.add(clock_.now() - input_.arrived);
 }

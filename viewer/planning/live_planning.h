@@ -76,7 +76,7 @@ class LivePlanning {
   /// Whether there is something new to see at once; pointers are seen once their tools have moved.
   bool do_all(PlanningTable& table, std::deque<Queued> queued);
   bool advance(PlanningTable& table);
-  void show(PlanningTable& table, double share);
+  void show(PlanningTable& table, double share, bool moving);
   void tell_changes(PlanningTable& table);
   [[nodiscard]] double quick_share() const;
 
@@ -99,7 +99,7 @@ class LivePlanning {
   std::optional<Input> awaited_;  // the newest, where that waits for the next time step
   bool timed_ = true;             // input_ is in a picture already
   Clock::Time busy_;              // when something was last done
-  double full_picture_s_ = 0;     // what one of full size took lately
+  double full_picture_s_ = 0;     // what a coarse one of full size took lately
   std::chrono::nanoseconds computing_{0};
   std::optional<std::uint64_t> revision_told_;
   bool moves_ = false;

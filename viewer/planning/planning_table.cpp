@@ -57,7 +57,7 @@ PlanningTable::PlanningTable(OpenedPlan opened, bool anew, const TableOptions& o
       pointers_(session_),
       pictures_(session_.plan(), opened_.volume, sim::find_transfer_function(options.transfer),
                 options.engine, scene_of(session_.plan(), options)),
-      spacing_m_(opened_.volume->spacing_m / 2),
+      voxel_m_(opened_.volume->spacing_m),
       edge_m_(sim::mean_surface_edge_m(session_.plan().body.mesh)),
       drawn_cuts_(edge_m_),
       remarked_(session_.plan().steps.size()) {
@@ -170,9 +170,11 @@ std::vector<std::string> PlanningTable::take_remarks() {
   return remarks;
 }
 
-sim::Picture PlanningTable::picture(double share) {
+sim::Picture PlanningTable::picture(double share, bool moving) {
+  const double spacing_m =
+      voxel_m_ * (moving ? sim::Scene::kMovingVoxelShare : sim::Scene::kVoxelShare) / share;
   pictures_.set_size(static_cast<int>(std::lround(options_.width * share)),
-                     static_cast<int>(std::lround(options_.height * share)), spacing_m_ / share);
+                     static_cast<int>(std::lround(options_.height * share)), spacing_m, moving);
   return pictures_.picture(session_.frame(), session_.mesh());
 }
 

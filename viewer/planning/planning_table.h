@@ -35,8 +35,9 @@ class PlanningTable {
   /// What a person should know of what was done since the last call; one sentence each.
   [[nodiscard]] std::vector<std::string> take_remarks();
 
-  /// `share` of the full width and height, 0 to 1; cross-sections are as much further apart.
-  [[nodiscard]] sim::Picture picture(double share);
+  /// `share` of the full width and height, 0 to 1; cross-sections are as much further apart. `moving` as in
+  /// sim::Scene.
+  [[nodiscard]] sim::Picture picture(double share, bool moving = false);
 
   [[nodiscard]] const sim::PlanSession& session() const { return session_; }
   [[nodiscard]] const OpenedPlan& opened() const { return opened_; }
@@ -60,7 +61,7 @@ class PlanningTable {
   PointerTools pointers_;
   sim::Camera camera_;
   sim::PlanPictures pictures_;
-  double spacing_m_;
+  double voxel_m_;
   double edge_m_;                     // mean, of the surface before any cut
   mutable DrawnCuts drawn_cuts_;      // remembers what it found for the picture before
   std::size_t remarked_ = 0;          // steps whose remarks were told

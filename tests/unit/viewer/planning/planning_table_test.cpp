@@ -556,6 +556,42 @@ TEST_F(PlanningTableTest, LivePlanningMovesToolsByItsClock) {
   EXPECT_TRUE(test::eventually([&] { return pictures == before + 1; }));
 }
 
+TEST_F(PlanningTableTest, LivePlanningShowsAFinePictureOnceNothingMoves) {
+  test::MovedClock clock;
+  std::mutex mutex;
+  std::vector<sim::Picture> pictures;
+  std::uint64_t shown = 0;
+  const auto count = [&] {
+    const std::lock_guard guard(mutex);
+    return pictures.size();
+  };
+  PlanningListener listener = silent_listener();
+  listener.shown = [&](const PlanningMoment& moment) {
+    const std::lock_guard guard(mutex);
+    pictures.push_back(*moment.picture);
+    shown = moment.input;
+  };
+  LivePlanning planning([this](const LivePlanning::Opening& /*opening*/) { return table(); }, listener,
+                        clock);
+  EXPECT_TRUE(planning.apply(1, ViewDeed{30, 0, 1, 0, 0}));
+  ASSERT_TRUE(test::eventually([&] {
+    const std::lock_guard guard(mutex);
+    return shown == 1;
+  }));
+  clock.await_waiting(1);
+  const std::size_t before = count();
+  clock.move(std::chrono::milliseconds(199));
+  clock.await_waiting(1);
+  EXPECT_EQ(count(), before);
+  clock.move(std::chrono::milliseconds(1));
+  ASSERT_TRUE(test::eventually([&] { return count() == before + 1; }));
+  const auto planned = table();
+  planned->apply(ViewDeed{30, 0, 1, 0, 0});
+  EXPECT_EQ(pictures.back().rgb, planned->picture(1).rgb);
+  EXPECT_EQ(pictures[before - 1].rgb, planned->picture(1, true).rgb);
+  EXPECT_NE(pictures.back().rgb, pictures[before - 1].rgb);
+}
+
 TEST_F(PlanningTableTest, LivePlanningAsksABrowserThatIsBehindByItsClock) {
   test::MovedClock clock;
   std::atomic<int> pictures = 0, asked = 0;
