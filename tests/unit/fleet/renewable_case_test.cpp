@@ -40,10 +40,16 @@ class StreamedSegments : public ::testing::Test {
     return folder.read_if_there(file, 100).value_or("not there");
   }
 
+  static FetchedCase in(const std::filesystem::path& folder) {
+    FetchedCase fetched;
+    fetched.folder = folder;
+    return fetched;
+  }
+
   test::ScriptedServer server_{object("first")};
   test::TemporaryFolder folder_;
   StoreConnections store_{[this] { return connect(); }};
-  FetchedCase fetched_{folder_.path() / "case", 0, 0, false, {}, {}, false, {}, {}};
+  FetchedCase fetched_ = in(folder_.path() / "case");
   StreamedFiles files_{store_, folder_.path()};
 };
 
