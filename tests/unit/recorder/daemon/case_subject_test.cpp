@@ -108,6 +108,34 @@ TEST_F(CaseSubjectTest, LooksEachSecondUntilSomethingIsKnownAndTellsItOnce) {
   EXPECT_EQ(subject.late(Clock::Time(12s)), std::nullopt);
 }
 
+// Who begins it in another process knows whom it is about no more than it was told.
+TEST_F(CaseSubjectTest, ACaseThatGoesOnAfterACrashIsToldOfWhenItEnds) {
+  subject.at_beginning({}, {}, GoesOn::kWithSubject, somebody());
+  EXPECT_EQ(subject.about(), somebody());
+  subject.ended({});
+  EXPECT_THAT(source->ended_of, ElementsAre("4711"));
+}
+
+TEST_F(CaseSubjectTest, TellsOfAnotherPatientWhoIsNamedMeanwhile) {
+  source->known = somebody();
+  subject.at_beginning({}, {}, GoesOn::kNo);
+  EXPECT_EQ(subject.contradicted(Clock::Time(1s)), std::nullopt) << "the same one";
+  source->known.reset();
+  EXPECT_EQ(subject.contradicted(Clock::Time(2s)), std::nullopt) << "nobody";
+  source->known = somebody();
+  source->known->patient_id = "12";
+  EXPECT_EQ(subject.contradicted(Clock::Time(2s + 999ms)), std::nullopt) << "not yet a second later";
+  EXPECT_THAT(subject.contradicted(Clock::Time(3s)).value_or(""), HasSubstr("another patient for this room"));
+  EXPECT_EQ(subject.contradicted(Clock::Time(4s)), std::nullopt) << "once";
+  EXPECT_EQ(subject.about(), somebody()) << "it stays about whom it was";
+  // Whom a person gave stands against whatever messages say.
+  subject.at_beginning({}, to_bytes(R"({"patient":{"id":"13"}})"), GoesOn::kNo);
+  EXPECT_EQ(subject.contradicted(Clock::Time(5s)), std::nullopt);
+  subject.at_beginning({}, {}, GoesOn::kNo);
+  subject.given_while_running(to_bytes(R"({"patient":{"id":"13"}})"));
+  EXPECT_EQ(subject.contradicted(Clock::Time(6s)), std::nullopt);
+}
+
 // Around now is the next patient, as soon as they are booked.
 TEST_F(CaseSubjectTest, AnOperationThatGoesOnWithoutASubjectLooksForNone) {
   source->known = somebody();

@@ -515,11 +515,21 @@ class StatedProcedure : public ProcedureSource {
   [[nodiscard]] std::vector<ProcedureWay> ways() const override {
     return {{"worklist", false, "does not answer"}};
   }
+  void ended(const ProcedureData& data, UtcTime /*at*/) override {
+    const std::lock_guard guard(mutex_);
+    ended_of_.push_back(data.patient_id);
+  }
+  /// Of whom cases have ended since this was asked last.
+  std::vector<std::string> take_ended() {
+    const std::lock_guard guard(mutex_);
+    return std::exchange(ended_of_, {});
+  }
   std::atomic<int> hurried = 0;
   std::atomic<bool> broken = false;
 
  private:
   mutable std::mutex mutex_;
+  std::vector<std::string> ended_of_;
   std::optional<ProcedureData> data_;
   std::optional<Clock::Duration> changed_;
 };
@@ -1139,6 +1149,52 @@ TEST_F(GoingOn, AfterACrashMonitorsAndPlanAreComparedWithWhomTheCaseWasAbout) {
   EXPECT_THAT(go_on(known), IsEmpty()) << "that is of another subject than the one that is carried over";
   own.case_id = "20260805T081502Z-3f9c21ab";
   EXPECT_THAT(go_on(own), IsEmpty());
+}
+
+// Else the patient is there still, and taken for the next case.
+TEST_F(GoingOn, WhomAnEarlierProcessRecordedIsNotedWithItsEndAndWithThatOfWhatGoesOn) {
+  const Bytes subject = to_bytes(R"({"patient":{"id":"4711"}})");
+  const Bytes sealed = crypto::seal_bytes(subject, bench.options().event_recipients);
+  const KeptPatient kept{"20260805T081502Z-3f9c21ab",
+                         crypto::to_hex(crypto::sha256(sealed)),
+                         {},
+                         {},
+                         std::string(text_of(subject))};
+  for (const bool goes_on : {false, true}) {
+    RoomPlan next = plan({kCamera});
+    next.procedure = procedure;
+    next.memory.earlier = kept_bytes(kept);
+    if (goes_on) {
+      next.resume.emplace();
+      next.resume->case_id = archive::new_case_id(utc_now());
+      next.resume->earlier = {kept.case_id, 7, {}};
+      next.resume->reason = "operator";
+      next.resume->within = 10min;
+      next.resume->sealed_subject = sealed;
+    }
+    Room room(std::move(next), listener(), time);
+    EXPECT_THAT(procedure->take_ended(), testing::ElementsAre("4711"));
+    if (!goes_on) continue;
+    ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
+    room.stop("operator", true);
+    EXPECT_THAT(procedure->take_ended(), testing::ElementsAre("4711"));
+  }
+}
+
+TEST_F(GoingOn, AnotherPatientWhoIsNamedWhileACaseRunsIsTold) {
+  procedure->state("4711");
+  RoomPlan watched = plan({kCamera});
+  watched.procedure = procedure;
+  Room room(std::move(watched), listener(), time);
+  const std::string id = room.start("operator");
+  ASSERT_EQ(room.status().subject, SubjectState::kFound);
+  procedure->state("next");
+  time.move(2s);
+  expect_told(room, "name another patient for this room now");
+  room.stop("operator", true);
+  std::string events;
+  for (const std::string& line : read(id).lines("events")) events += line;
+  EXPECT_THAT(events, HasSubstr("patient-differs"));
 }
 
 TEST_F(RoomTest, WhoBeginsACaseByAnotherPatientsPlanIsToldAtOnce) {

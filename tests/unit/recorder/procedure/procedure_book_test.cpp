@@ -2166,5 +2166,17 @@ TEST(ProcedureBook, ForgetsWhatIsOldAndTheOldestOfTooMany) {
   EXPECT_EQ(book.size(), 1U);
 }
 
+// A technician adds a spelling, and the recorder starts anew.
+TEST(ProcedureBook, KnowsWhatWasRecordedByAnySpellingOfTheRoom) {
+  ProcedureBook book;
+  ProcedureData done;
+  done.patient_id = "4711";
+  book.note_recorded({{"OR1", "Theatre 1"}, 12h}, done, kMorning);
+  EXPECT_THAT(book.recorded({{"SURG^OR1", "or1"}, 12h}, kMorning), testing::SizeIs(1));
+  EXPECT_THAT(book.recorded({{"theatre 1"}, 12h}, kMorning), testing::SizeIs(1));
+  EXPECT_THAT(book.recorded({{"OR2"}, 12h}, kMorning), testing::IsEmpty());
+  EXPECT_THAT(book.recorded({{}, 12h}, kMorning), testing::IsEmpty()) << "that is all rooms together";
+}
+
 }  // namespace
 }  // namespace kiroku::recorder
