@@ -145,6 +145,27 @@ TEST_F(Daemon, HoursOfDiskAreOneFigureThatSaysWhatItAssumes) {
   EXPECT_EQ(kiroku_json({"status", "--json"})["disk"]["hours_assume"], "or-1 as its last case");
 }
 
+// A room between two cases holds no camera: whether one would be there nobody knows before it is tried.
+TEST_F(Daemon, DoctorTriesWhatAnIdleRoomWouldRecordAndTellsOfProcedureData) {
+  std::string configuration = read_text(home() / "kiroku.toml");
+  constexpr std::string_view kCamera = "synthetic:endoscope?size=64x48&rate=10";
+  configuration.replace(configuration.find(kCamera), kCamera.size(), "/dev/video-of-nobody");
+  // Nobody has that address.
+  write_text(home() / "kiroku.toml",
+             configuration + "[room.procedure.hl7]\nlisten = \"mllp://192.0.2.1:2576?allow=192.0.2.7\"\n");
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  const ProcessResult doctor = kiroku({"doctor", "--json"});
+  EXPECT_EQ(doctor.status, 1);
+  const nlohmann::json examined = nlohmann::json::parse(doctor.out);
+  std::map<std::string, std::string> health;
+  for (const nlohmann::json& check : examined["checks"]) health[check["subject"]] = check["health"];
+  EXPECT_EQ(health["kirokud"], "good");
+  EXPECT_EQ(health["source or-1/endoscope"], "bad");
+  EXPECT_EQ(health["source or-1/vitals"], "good");
+  EXPECT_EQ(health["hl7 of or-1"], "bad");
+}
+
 TEST_F(Daemon, RecordsAPlannedCaseThatCanBeComparedByItsMarks) {
   write_text(folder() / "cube.msh",
              "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 10 10 0\n5 0 "
