@@ -17,7 +17,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 constexpr const char* kSegment = "segments/endoscope/00000000.ts.age";
-constexpr const char* kCase = "20260805T091502Z-3f9c21ab";
+constexpr const char* kRenewed = "20260805T091502Z-3f9c21ab";
 
 std::string object(const std::string& body) { return test::http_answer("200 OK", "binary", body); }
 std::string refused(const std::string& status, const std::string& code) {
@@ -96,13 +96,13 @@ TEST_F(StreamedSegments, WhatTheStoreDoesNotGiveIsUnreadableOrSaysNothing) {
 TEST_F(StreamedSegments, AStoreThatIsAwayIsWaitedForByAllOfABatch) {
   server_.answer_with(refused("503 Service Unavailable", "SlowDown"));
   RenewalBatch batch{store_, folder_.path() / "scratch", {}};
-  StoredRenewableCase first(batch, "or-1", kCase, {}), second(batch, "or-2", kCase, {});
+  StoredRenewableCase first(batch, "or-1", kRenewed, {}), second(batch, "or-2", kRenewed, {});
   EXPECT_THROW(first.folder(), archive::RenewalWaits);
   const std::size_t asked = server_.requests();
   EXPECT_THROW(second.folder(), archive::RenewalWaits);
   EXPECT_EQ(server_.requests(), asked) << "it was not asked again";
   RenewalBatch ended{store_, folder_.path() / "scratch", [] { return true; }};
-  StoredRenewableCase third(ended, "or-1", kCase, {});
+  StoredRenewableCase third(ended, "or-1", kRenewed, {});
   EXPECT_THROW(third.folder(), archive::RenewalWaits);
   EXPECT_EQ(server_.requests(), asked) << "it was told to end";
 }
