@@ -62,7 +62,17 @@ bool ProcedureBook::concerns(const ProcedureRule& rule, const ProcedureMessage& 
 void ProcedureBook::keep_rooms(ProcedureMessage& message, const ProcedureMessage& before) const {
   const bool names_any = names_rooms(message);
   if (names_any && !message.is_update) return;  // these are all
-  if (before.planned_places.empty() && (names_any || !message.places.empty())) return;
+  const auto says_by_pv1 = [](const ProcedureMessage& one) {
+    return std::ranges::any_of(one.places, [&](const std::string& place) {
+      return std::ranges::none_of(one.planned_places, [&](const PlannedPlace& each) {
+        return std::ranges::find(each.spellings, place) != each.spellings.end();
+      });
+    });
+  };
+  const bool is_by_pv1 = !names_rooms(before);
+  if (is_by_pv1 && (names_any || (says_by_pv1(message) && before.planned_places.empty()))) return;
+  const bool is_another_place = says_by_pv1(message) && !share_a_place(message.places, before.places);
+  if (is_by_pv1 && says_by_pv1(before) && is_another_place) message.are_rooms_unclear = true;
   const auto is_in = [](const PlannedPlace& place, const std::vector<PlannedPlace>& places) {
     return std::ranges::any_of(
         places, [&](const PlannedPlace& other) { return share_a_place(place.spellings, other.spellings); });
@@ -71,6 +81,8 @@ void ProcedureBook::keep_rooms(ProcedureMessage& message, const ProcedureMessage
       message.planned_places, [&](const PlannedPlace& each) { return !is_in(each, before.planned_places); });
   // What it states of these is theirs from now on.
   std::vector<PlannedPlace> stated = std::exchange(message.planned_places, {});
+  const bool states_time = message.planned || message.is_time_unclear || message.within;
+  const bool is_another_time = states_time && (!message.planned || message.planned != before.planned);
   bool keeps_unnamed = false;
   for (const PlannedPlace& place : before.planned_places) {
     if (share_a_place(place.spellings, message.taken_out)) continue;
@@ -79,7 +91,7 @@ void ProcedureBook::keep_rooms(ProcedureMessage& message, const ProcedureMessage
     if (own == stated.end()) {
       message.planned_places.push_back(place);
       keeps_unnamed = true;
-      if (!message.planned && !message.is_time_unclear && !message.within) continue;
+      if (!is_another_time) continue;
       message.planned_places.back().planned = message.planned;
       message.planned_places.back().is_time_unclear = message.is_time_unclear;
       message.planned_places.back().planned_text = message.data.planned;
@@ -93,7 +105,7 @@ void ProcedureBook::keep_rooms(ProcedureMessage& message, const ProcedureMessage
   // Another room in place of one, or beside it.
   if (names_any && names_a_new_one && keeps_unnamed && !message.adds_rooms) message.are_rooms_unclear = true;
   message.names_rooms = message.names_rooms || before.names_rooms;
-  if (!message.planned_places.empty() || names_any) {
+  if (names_rooms(message)) {
     message.places.clear();
     for (const PlannedPlace& place : message.planned_places)
       message.places.insert(message.places.end(), place.spellings.begin(), place.spellings.end());

@@ -26,8 +26,6 @@ void ProcedureBook::claim() {
       its.since.insert_or_assign(place, came);
       its.note_way(place, kept.way_to(place));
     }
-    its.message.places.clear();
-    for (const auto& [place, came] : its.since) its.message.places.push_back(place);
   }
   for (const auto& [key, kept] : appointments_) {
     if (kept.message.is_over || !std::ranges::any_of(rooms_of(kept.message), counts)) continue;
@@ -58,10 +56,14 @@ void ProcedureBook::end_claims_of_patient(const ProcedureMessage& message) {
   if (sure.empty() && perhaps.size() == 1 && !moves) sure = std::move(perhaps);
   for (const std::string& key : sure) {
     Kept& its = claims_.find(key)->second;
-    const bool share = share_a_place(message.places, its.message.places);
+    std::vector<std::string> claimed;
+    for (const auto& [place, came] : its.since) claimed.push_back(place);
+    const bool share =
+        share_a_place(message.places, its.message.places) || share_a_place(message.places, claimed);
     if (moves) {
       if (message.places.empty() || !takes_away(its, message)) continue;
-      if (!message.is_of_any_visit && its.is_of_another_visit(message)) continue;
+      // Two systems may number one visit each: whoever is in one place for both is there once.
+      if (!message.is_of_any_visit && its.is_of_another_visit(message) && !share) continue;
       std::erase_if(its.since, [&](const auto& each) {
         return std::ranges::find(message.places, each.first) == message.places.end();
       });
@@ -72,11 +74,7 @@ void ProcedureBook::end_claims_of_patient(const ProcedureMessage& message) {
       if (may_leave_another_stay(its, message)) continue;
       its.since.clear();
     }
-    if (its.since.empty()) {
-      claims_.erase(key);
-      continue;
-    }
-    std::erase_if(its.message.places, [&](const std::string& place) { return !its.since.contains(place); });
+    if (its.since.empty()) claims_.erase(key);
   }
 }
 
