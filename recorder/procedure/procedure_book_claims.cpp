@@ -9,8 +9,22 @@
 namespace kiroku::recorder {
 
 void ProcedureBook::claim() {
+  // Most are as they were before the message.
+  const auto is_known = [](const Messages& claims, const std::string& key, const Kept& kept) {
+    const auto known = claims.find(key);
+    if (known == claims.end()) return false;
+    const Kept& its = known->second;
+    return its.received.number == kept.received.number && its.message.told == kept.message.told &&
+           its.message.planned == kept.message.planned &&
+           its.message.numbers.size() == kept.message.numbers.size() && its.visits == kept.visits &&
+           std::ranges::all_of(kept.since, [&](const auto& each) {
+             const auto same = its.since.find(each.first);
+             return same != its.since.end() && same->second.number == each.second.number;
+           });
+  };
   const auto counts = [this](const std::string& place) { return rules_.empty() || is_watched(place); };
   for (const auto& [key, kept] : placed_) {
+    if (is_known(claims_, key, kept)) continue;
     std::map<std::string, Arrival> since;
     for (const auto& [place, came] : kept.since) {
       if (kept.way_to(place) != Way::kRecord && counts(place)) since.emplace(place, came);
@@ -28,7 +42,12 @@ void ProcedureBook::claim() {
     }
   }
   for (const auto& [key, kept] : appointments_) {
-    if (kept.message.is_over || !std::ranges::any_of(rooms_of(kept.message), counts)) continue;
+    const bool names_one = std::ranges::any_of(kept.message.places, counts) ||
+                           std::ranges::any_of(kept.message.planned_places, [&](const PlannedPlace& each) {
+                             return std::ranges::any_of(each.spellings, counts);
+                           });
+    if (!names_one || kept.message.is_over || is_known(planned_claims_, key, kept)) continue;
+    if (!std::ranges::any_of(rooms_of(kept.message), counts)) continue;
     planned_claims_.insert_or_assign(key, kept);
   }
 }
