@@ -44,6 +44,7 @@ void ProcedureBook::take(ProcedureMessage message, ProcedureMoment received) {
 void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMoment received) {
   using Kind = ProcedureMessage::Kind;
   if (messages.empty()) return;
+  name_patients(messages);
   watch_clock(messages.front(), received);
   const Arrival arrival = arrival_of(messages.front(), received);
   for (ProcedureMessage& message : messages) {
@@ -77,6 +78,7 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
     }
     return !stays;
   });
+  for (const ProcedureMessage& message : messages) end_claims(message);
   // An appointment that was another patient's before is theirs no more.
   const TakenOut before = take_out_appointment(messages);
   for (ProcedureMessage& message : messages) {
@@ -106,6 +108,9 @@ void ProcedureBook::take_all(std::vector<ProcedureMessage> messages, ProcedureMo
   forget_old(appointments_, received);
   forget_old(ended_, received);
   forget_old(merged_, received);
+  claim();
+  forget_old(claims_, received);
+  forget_old(planned_claims_, received);
   forget_passed(received);
 }
 

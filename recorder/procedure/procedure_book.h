@@ -55,7 +55,8 @@ struct ProcedureMoment {
 /// procedure_book.cpp takes messages; beside it are who and what is one and the same (_sameness), what was
 /// before what (_order), where patients are (_places), what is planned (_appointments), what is kept no
 /// longer
-/// (_forgetting), whom a case is about (_choice), and all of it as bytes (_state).
+/// (_forgetting), who may still be there though nothing else of the book says so (_claims), whom a case is
+/// about (_choice), and all of it as bytes (_state).
 class ProcedureBook {
  public:
   /// Of each kind. Of more the oldest go, of appointments those planned furthest from now; those that concern
@@ -216,6 +217,11 @@ class ProcedureBook {
   /// Whether somebody else is planned there now, and whoever is there is not, or was to come later.
   [[nodiscard]] bool is_against_plan(const ProcedureRule& rule, const Kept& here, const ProcedureMoment& at,
                                      const EndedSince& ended) const;
+  /// Whether something is planned for them, wherever that is.
+  [[nodiscard]] bool is_planned(const Kept& kept) const;
+  /// Since when a case that ended is of the stay for which they are here; they came at `since`.
+  static UtcTime stay_of(const ProcedureRule& rule, const Kept& here, UtcTime since,
+                         const ProcedureMoment& at);
   /// Whether whoever is there is newborn, and somebody left since they came: their mother, it may be.
   [[nodiscard]] bool may_be_left_behind(const ProcedureRule& rule, const Kept& here, std::uint64_t since,
                                         const ProcedureMoment& at) const;
@@ -339,12 +345,32 @@ class ProcedureBook {
   /// A record takes nobody away from where an event said that they are: adds those places, which it lacks.
   /// Whether it names none of them.
   static bool keep_places(ProcedureMessage& message, const Kept& kept);
+  /// Whether an event that names another place takes the patient from where another one brought them: not
+  /// where it says where a stay is registered, nor where it is about the bed that is kept for them.
+  static bool takes_away(const Kept& kept, const ProcedureMessage& message);
+  /// Whether whoever leaves by it may be of another stay than the one for which they are where they are.
+  static bool may_leave_another_stay(const Kept& kept, const ProcedureMessage& message);
+  /// Whoever is in a room, or planned there, keeps a claim on it until a message about them says that this is
+  /// over, whatever else takes them out of the book.
+  void claim();
+  void end_claims(const ProcedureMessage& message);
+  void end_claims_of_patient(const ProcedureMessage& message);
+  void end_claims_of_appointment(const ProcedureMessage& message);
+  void give_claims(const ProcedureMessage& before, const ProcedureMessage& message);
+  [[nodiscard]] bool is_in_room(const ProcedureRule& rule, const Kept& claim) const;
+  /// Whether somebody else than `chosen` has a claim on the rule's room. Null: anybody. Appointments count
+  /// where nobody came by an event, up to `planned_until`.
+  [[nodiscard]] bool is_claimed(const ProcedureRule& rule, const ProcedureMessage* chosen,
+                                std::optional<UtcTime> planned_until, const ProcedureMoment& at,
+                                const EndedSince& ended) const;
   /// Whether an event came to be told after another system's that took the patient from there, though by its
   /// own clock it was before.
   static bool is_before_leaving(const ProcedureMessage& message, const Kept& kept);
   [[nodiscard]] bool somebody_else_came(const std::string& patient, const std::string& place,
                                         const Arrival& since) const;
-  static void keep_plan(ProcedureMessage& message, const ProcedureMessage& before);
+  void keep_plan(ProcedureMessage& message, const ProcedureMessage& before) const;
+  void keep_rooms(ProcedureMessage& message, const ProcedureMessage& before) const;
+  void name_patients(std::vector<ProcedureMessage>& messages);
   struct TakenOut {
     std::optional<Arrival> booked;  // where the change leaves it at its time
     bool is_doubtful = false;       // there is another one of the number
@@ -365,6 +391,8 @@ class ProcedureBook {
   Messages appointments_;                      // by appointment and patient
   Messages ended_;   // who left, by patient; what was cancelled, by "\n", appointment and patient
   Messages merged_;  // by what the patient was called before
+  /// By the key of what is, or was, in placed_ and appointments_. Of patients `since` is what they claim.
+  Messages claims_, planned_claims_;
   std::map<std::string, Passed> passed_;            // by place, in lower case; "" of all places together
   std::map<std::string, ProcedureMoment> changes_;  // likewise
   LostPlaces lost_placed_, lost_planned_;

@@ -17,9 +17,11 @@ void ProcedureBook::keep_appointment(ProcedureMessage message, const Arrival& re
   const std::string key = key_of_appointment(message);
   Kept kept{received, std::move(message)};
   kept.booked = before.booked.value_or(received);
-  kept.doubt = kept.message.is_status_unclear ? Doubt::kStatusUnclear
-               : before.is_doubtful           ? Doubt::kOneAppointment
-                                              : Doubt::kNone;
+  kept.doubt = kept.message.is_status_unclear   ? Doubt::kStatusUnclear
+               : before.is_doubtful             ? Doubt::kOneAppointment
+               : kept.message.are_rooms_unclear ? Doubt::kRoomUnclear
+               : kept.message.patient.empty()   ? Doubt::kUnnamed
+                                                : Doubt::kNone;
   appointments_.insert_or_assign(key, std::move(kept));
 }
 
@@ -56,35 +58,82 @@ bool ProcedureBook::concerns(const ProcedureRule& rule, const ProcedureMessage& 
          });
 }
 
+/// A change leaves the rooms that it does not take out by name, unless it states all that there are.
+void ProcedureBook::keep_rooms(ProcedureMessage& message, const ProcedureMessage& before) const {
+  const bool names_any = names_rooms(message);
+  if (names_any && !message.is_update) return;  // these are all
+  const auto says_by_pv1 = [](const ProcedureMessage& one) {
+    return std::ranges::any_of(one.places, [&](const std::string& place) {
+      return std::ranges::none_of(one.planned_places, [&](const PlannedPlace& each) {
+        return std::ranges::find(each.spellings, place) != each.spellings.end();
+      });
+    });
+  };
+  const bool is_by_pv1 = !names_rooms(before);
+  if (is_by_pv1 && (names_any || (says_by_pv1(message) && before.planned_places.empty()))) return;
+  const bool is_another_place = says_by_pv1(message) && !share_a_place(message.places, before.places);
+  if (is_by_pv1 && says_by_pv1(before) && is_another_place) message.are_rooms_unclear = true;
+  const auto is_in = [](const PlannedPlace& place, const std::vector<PlannedPlace>& places) {
+    return std::ranges::any_of(
+        places, [&](const PlannedPlace& other) { return share_a_place(place.spellings, other.spellings); });
+  };
+  const bool names_a_new_one = std::ranges::any_of(
+      message.planned_places, [&](const PlannedPlace& each) { return !is_in(each, before.planned_places); });
+  // What it states of these is theirs from now on.
+  std::vector<PlannedPlace> stated = std::exchange(message.planned_places, {});
+  const bool states_time = message.planned || message.is_time_unclear || message.within;
+  const bool is_another_time = states_time && (!message.planned || message.planned != before.planned);
+  bool keeps_unnamed = false;
+  for (const PlannedPlace& place : before.planned_places) {
+    if (share_a_place(place.spellings, message.taken_out)) continue;
+    const auto own = std::ranges::find_if(
+        stated, [&](const PlannedPlace& other) { return share_a_place(place.spellings, other.spellings); });
+    if (own == stated.end()) {
+      message.planned_places.push_back(place);
+      keeps_unnamed = true;
+      if (!is_another_time) continue;
+      message.planned_places.back().planned = message.planned;
+      message.planned_places.back().is_time_unclear = message.is_time_unclear;
+      message.planned_places.back().planned_text = message.data.planned;
+      message.planned_places.back().within = message.within;
+    } else {
+      message.planned_places.push_back(std::move(*own));
+      stated.erase(own);
+    }
+  }
+  for (PlannedPlace& place : stated) message.planned_places.push_back(std::move(place));
+  // Another room in place of one, or beside it.
+  if (names_any && names_a_new_one && keeps_unnamed && !message.adds_rooms) message.are_rooms_unclear = true;
+  message.names_rooms = message.names_rooms || before.names_rooms;
+  if (names_rooms(message)) {
+    message.places.clear();
+    for (const PlannedPlace& place : message.planned_places)
+      message.places.insert(message.places.end(), place.spellings.begin(), place.spellings.end());
+  } else {
+    message.places = before.places;
+  }
+  if (keeps_unnamed || message.data.location.empty()) message.data.location = before.data.location;
+}
+
 /// A change that says nothing of rooms, or states no time, as "checked in" may, leaves what was stated
 /// before.
-void ProcedureBook::keep_plan(ProcedureMessage& message, const ProcedureMessage& before) {
+void ProcedureBook::keep_plan(ProcedureMessage& message, const ProcedureMessage& before) const {
   const auto states = [](const auto& one) { return one.planned || one.is_time_unclear || one.within; };
-  if (message.kind != ProcedureMessage::Kind::kAppointment || message.books) return;
-  const bool says_nothing_of_rooms =
-      !message.names_resources && message.planned_places.empty() && !before.planned_places.empty();
-  if (says_nothing_of_rooms) {
-    message.places = before.places;
-    message.planned_places = before.planned_places;
-    message.names_rooms = before.names_rooms;
-    message.data.location = before.data.location;
-  }
-  if (states(message)) {
-    for (PlannedPlace& place : message.planned_places) {
-      if (!says_nothing_of_rooms) break;
-      place.planned = message.planned;
-      place.is_time_unclear = message.is_time_unclear;
-      place.planned_text = message.data.planned;
-      place.within = message.within;
-    }
-    return;
-  }
-  if (std::ranges::any_of(message.planned_places, states)) return;
+  if (message.kind != ProcedureMessage::Kind::kAppointment || (message.books && !message.rebooks)) return;
+  keep_rooms(message, before);
+  if (states(message)) return;
+  const auto is_kept = [&](const PlannedPlace& place) {
+    return std::ranges::any_of(before.planned_places, [&](const PlannedPlace& other) {
+      return place.planned == other.planned && share_a_place(place.spellings, other.spellings);
+    });
+  };
+  const bool states_one = std::ranges::any_of(
+      message.planned_places, [&](const PlannedPlace& each) { return states(each) && !is_kept(each); });
+  if (states_one) return;
   message.planned = before.planned;
   message.is_time_unclear = before.is_time_unclear;
   message.within = before.within;
   message.data.planned = before.data.planned;
-  if (says_nothing_of_rooms) return;
   for (PlannedPlace& place : message.planned_places) {
     const auto same = std::ranges::find_if(before.planned_places, [&](const PlannedPlace& other) {
       return share_a_place(place.spellings, other.spellings);
@@ -95,6 +144,44 @@ void ProcedureBook::keep_plan(ProcedureMessage& message, const ProcedureMessage&
     place.planned_text = same->planned_text;
     place.within = same->within;
   }
+}
+
+/// Whose appointment a change is that names nobody: whose it was. Of one that is not known nobody can tell.
+void ProcedureBook::name_patients(std::vector<ProcedureMessage>& messages) {
+  std::vector<ProcedureMessage> named;
+  for (ProcedureMessage& message : messages) {
+    if (message.kind != ProcedureMessage::Kind::kAppointment || !message.patient.empty()) {
+      named.push_back(std::move(message));
+      continue;
+    }
+    std::set<std::string> known;
+    for (Messages* const those : {&appointments_, &ended_}) {
+      if (!known.empty()) break;  // what was cancelled counts where nothing is planned
+      for (auto& [key, kept] : *those) {
+        const ProcedureMessage& before = kept.message;
+        const bool is_that_one = is_of_appointment(before) && !before.patient.empty() &&
+                                 same_appointment(message, before) == Likeness::kSure;
+        if (!is_that_one) continue;
+        if (is_another_name(message.data.patient, before.data.patient)) {
+          kept.doubt = Doubt::kOneAppointment;
+          continue;
+        }
+        if (!known.insert(before.patient).second) continue;
+        ProcedureMessage one = message;
+        one.patient = before.patient;
+        one.numbers = before.numbers;
+        one.facility = before.facility;
+        one.data.patient_id = before.data.patient_id;
+        one.data.patient_id_issuer = before.data.patient_id_issuer;
+        one.data.patient = before.data.patient;
+        one.data.birth_date = before.data.birth_date;
+        one.data.sex = before.data.sex;
+        named.push_back(std::move(one));
+      }
+    }
+    if (known.empty()) named.push_back(std::move(message));
+  }
+  messages = std::move(named);
 }
 
 /// Whatever `by` changes or cancels; what it was called before, it is called still. Where it is not sure that
@@ -159,6 +246,8 @@ ProcedureBook::TakenOut ProcedureBook::take_out_appointment(std::vector<Procedur
         add_numbers(message.numbers, before.numbers);
       }
       keep_plan(message, before);
+      if (kept.doubt == Doubt::kRoomUnclear && !message.names_resources && !message.books)
+        message.are_rooms_unclear = true;
       // What says nothing of it leaves a waiting list's entry one.
       if (message.says_no_status && !message.books && kept.doubt == Doubt::kStatusUnclear)
         message.is_status_unclear = true;

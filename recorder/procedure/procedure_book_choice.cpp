@@ -48,6 +48,7 @@ std::vector<ProcedureData> ProcedureBook::list(const ProcedureRule& rule, Proced
   }
   for (const auto& [appointment, kept] : appointments_) {
     if (!concerns(rule, kept.message) || placed.contains(kept.message.patient)) continue;
+    if (kept.message.patient.empty() && kept.message.data.patient.empty()) continue;
     const PlannedHere here = planned_here(rule, kept, at);
     const bool may_be_near =
         here.is_unclear ? nearest_unclear(rule, kept, at).has_value() : is_near(here.time);
@@ -224,6 +225,25 @@ bool ProcedureBook::is_against_plan(const ProcedureRule& rule, const Kept& here,
   return others && (!own || *others < *own);
 }
 
+bool ProcedureBook::is_planned(const Kept& kept) const {
+  return std::ranges::any_of(appointments_, [&](const auto& each) {
+    return likeness(each.second.message, kept.message) == Likeness::kSure;
+  });
+}
+
+UtcTime ProcedureBook::stay_of(const ProcedureRule& rule, const Kept& here, UtcTime since,
+                               const ProcedureMoment& at) {
+  // That they came may be told after their case was ended. A stay before this one is over where they left.
+  std::optional<UtcTime> left;
+  for (const auto& [place, went] : here.gone) {
+    const bool is_here = rule.locations.empty() || is_of_room(rule, place);
+    if (is_here && went.is_event && !went.is_cancelled)
+      left = std::max(left.value_or(UtcTime{}), at.by_this_clock(went.when.at));
+  }
+  return left ? std::min(since, *left + kFurthestAhead)
+              : std::min(since, at.utc - std::chrono::duration_cast<UtcTime::duration>(rule.window));
+}
+
 bool ProcedureBook::may_be_left_behind(const ProcedureRule& rule, const Kept& here, std::uint64_t since,
                                        const ProcedureMoment& at) const {
   if (!is_newborn(here.message.data.birth_date, at.utc)) return false;
@@ -238,6 +258,7 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
                                       const EndedSince& ended) const {
   const Kept* here = nullptr;
   UtcTime here_since;
+  std::vector<const Kept*> on_record;
   std::optional<std::uint64_t> here_number;
   bool is_on_record = false;  // somebody is, which brings nobody there
   for (const auto& [patient, kept] : placed_) {
@@ -247,6 +268,7 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
     if (std::chrono::abs(at.utc - since) > rule.window) continue;
     if (way_into(rule, kept) == Way::kRecord) {
       is_on_record = true;
+      on_record.push_back(&kept);
       continue;
     }
     if (here != nullptr) return {{}, Doubt::kSeveralThere};
@@ -264,6 +286,11 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
   if (here != nullptr && way_into(rule, *here) == Way::kRegistered && is_against_plan(rule, *here, at, ended))
     return {{}, Doubt::kOnlyRegistered};
   if (here != nullptr && may_be_left_behind(rule, *here, *here_number, at)) return {{}, Doubt::kNewborn};
+  if (here != nullptr) {
+    const bool is_registered = way_into(rule, *here) == Way::kRegistered;
+    const auto until = is_registered ? std::optional(at.utc + kFurthestAhead) : std::nullopt;
+    if (is_claimed(rule, &here->message, until, at, ended)) return {{}, Doubt::kNotSeenOff};
+  }
   std::vector<const Kept*> planned;
   std::vector<PlannedHere> in_room;
   std::vector<std::optional<UtcTime>> times;
@@ -282,6 +309,8 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
     const bool is_in_doubt = kept.doubt != Doubt::kNone;
     if (here != nullptr && (is_in_doubt || kept.message.patient != here->message.patient)) continue;
     const PlannedHere its = planned_here(rule, kept, at);
+    // A slot of nobody, or somebody: as long as one may begin late.
+    if (kept.message.patient.empty() && !is_within(its.time, at.utc, kFurthestAhead)) continue;
     const bool is_unclear = its.is_unclear || (its.is_absent && here == nullptr);
     if (is_unclear) {
       const std::optional<UtcTime::duration> nearness = nearest_unclear(rule, kept, at);
@@ -322,7 +351,15 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
         unclear && (!chosen || *unclear <= std::chrono::abs(*times[*chosen] - at.utc));
     if (may_be_unclear) return {{}, Doubt::kTimeUnclear};
     if (is_lost(lost_planned_, rule, at)) return {{}, Doubt::kNotKept};
+    // Whoever else may be there is not seen by what is left.
+    const auto until = chosen ? std::max(at.utc, *times[*chosen]) : at.utc + kFurthestAhead;
+    if (is_claimed(rule, chosen ? &planned[*chosen]->message : nullptr, until, at, ended))
+      return {{}, Doubt::kNotSeenOff};
     if (!chosen) return {{}, is_on_record ? Doubt::kRecordAlone : Doubt::kNone};
+    const bool is_another_there = std::ranges::any_of(on_record, [&](const Kept* each) {
+      return likeness(each->message, planned[*chosen]->message) != Likeness::kSure && !is_planned(*each);
+    });
+    if (is_another_there) return {{}, Doubt::kRecordAgainstPlan};
     // Which of two patients it is nobody can tell.
     const bool is_anybodys = std::ranges::any_of(plan.equally_near, [&](std::size_t each) {
       return planned[each]->message.patient != planned[*chosen]->message.patient;
@@ -362,7 +399,7 @@ ProcedureChoice ProcedureBook::choose(const ProcedureRule& rule, const Procedure
   found.numbers = here->message.numbers;
   found.chosen = "the only patient whom messages placed in the room, at " + format_utc(here_since);
   if (chosen) complete(found, appointment);
-  return {std::move(found)};
+  return {std::move(found), Doubt::kNone, false, stay_of(rule, *here, here_since, at)};
 }
 
 }  // namespace kiroku::recorder

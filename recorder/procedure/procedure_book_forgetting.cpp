@@ -92,7 +92,7 @@ std::string ProcedureBook::place_of_lost(const std::string& key) { return key.su
 
 void ProcedureBook::lose(const Messages& messages, const Kept& kept, const ProcedureMoment& now) {
   if (&messages == &merged_) return;
-  if (&messages == &placed_) {
+  if (&messages == &placed_ || &messages == &claims_) {
     lose(lost_placed_, kept, kept.received.at, kept.received.at);
     return;
   }
@@ -152,7 +152,7 @@ void ProcedureBook::forget_old(Messages& messages, const ProcedureMoment& now) {
     // Of those that concern no watched room, the oldest; of none, the oldest of all. Of appointments those
     // that are planned furthest from now: the next ones were often booked first.
     auto oldest = messages.end(), oldest_of_all = messages.end();
-    const bool is_of_plans = &messages == &appointments_;
+    const bool is_of_plans = &messages == &appointments_ || &messages == &planned_claims_;
     const auto is_older = [&](auto one, auto than) {
       if (than == messages.end()) return true;
       const auto distance = [&](const Kept& kept) {
@@ -168,6 +168,9 @@ void ProcedureBook::forget_old(Messages& messages, const ProcedureMoment& now) {
     }
     const auto forgotten = oldest == messages.end() ? oldest_of_all : oldest;
     if (rules_.empty() || oldest == messages.end()) lose(messages, forgotten->second, now);
+    // What is known to be lost claims nothing more.
+    if (&messages == &placed_) claims_.erase(forgotten->first);
+    if (&messages == &appointments_) planned_claims_.erase(forgotten->first);
     messages.erase(forgotten);
   }
 }

@@ -8,7 +8,7 @@ namespace kiroku::recorder {
 
 template <typename Use>
 void ProcedureBook::with_each_arrival(const Use& use) {
-  for (Messages* const messages : {&placed_, &appointments_, &ended_, &merged_}) {
+  for (Messages* const messages : {&placed_, &appointments_, &ended_, &merged_, &claims_, &planned_claims_}) {
     for (auto& [key, kept] : *messages) {
       use(kept.received);
       for (auto& [place, since] : kept.since) use(since);
@@ -37,7 +37,7 @@ void ProcedureBook::watch_clock(const ProcedureMessage& message, const Procedure
   with_each_arrival([&](Arrival& each) {
     if (each.sender == message.sender) each.happened.reset();
   });
-  for (Messages* const messages : {&placed_, &appointments_, &ended_}) {
+  for (Messages* const messages : {&placed_, &appointments_, &ended_, &claims_, &planned_claims_}) {
     for (auto& [key, kept] : *messages) {
       if (kept.message.sender != message.sender) continue;
       kept.message.told.reset();

@@ -57,6 +57,13 @@ void ProcedureBook::leave(ProcedureMessage message, const Arrival& received) {
       is_still_there = true;
       continue;
     }
+    if (may_leave_another_stay(kept, message)) {
+      kept.doubt = Doubt::kOtherVisit;
+      is_still_there = true;
+      note_change("", received);
+      for (const auto& [place, came] : kept.since) note_change(place, received);
+      continue;
+    }
     pass(kept, received);
     add_numbers(message.numbers, kept.message.numbers);
     if (message.data.birth_date.empty()) message.data.birth_date = kept.message.data.birth_date;
@@ -112,7 +119,8 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
     if (!message.moves) return;
     set_aside(known, received);
     known = placed_.end();
-  } else if (message.moves && says_where && (message.visit.empty() || message.is_of_any_visit)) {
+  } else if (message.moves && !message.registers && says_where &&
+             (message.visit.empty() || message.is_of_any_visit)) {
     went_with_visits = drop_set_aside(message.patient, received);
     known = placed_.find(message.patient);
     if (known != placed_.end()) known->second.gone.merge(went_with_visits);
@@ -146,13 +154,17 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
   }
   Kept& kept = known->second;
   add_numbers(message.numbers, kept.message.numbers);
-  const bool arrives = message.moves && (says_where || kept.message.places.empty());
-  if (says_where && !arrives) says_where = leave_out_gone(message, kept);
+  const bool stays = message.moves && says_where && !takes_away(kept, message);
+  const bool arrives = message.moves && !stays && (says_where || kept.message.places.empty());
+  const bool is_old_news = stays && message.sender == kept.message.sender && message.happened && kept.moved &&
+                           *message.happened + kSameMoment < *kept.moved;
+  if (is_old_news) says_where = false;
+  if (says_where && !arrives && !stays) says_where = leave_out_gone(message, kept);
   if (says_where && arrives && is_before_leaving(message, kept)) doubt = Doubt::kToldLate;
   const std::vector<std::string> named = message.places;
   if (says_where && !arrives && keep_places(message, kept) && doubt == Doubt::kNone &&
       kept.doubt == Doubt::kNone)
-    doubt = Doubt::kRecordElsewhere;
+    doubt = stays ? Doubt::kRegisteredElsewhere : Doubt::kRecordElsewhere;
   // Whoever only sends other facts (A08, A31) of somebody who was there before does not say that they came
   // anew, after whoever came since.
   bool comes = arrives;
@@ -172,9 +184,9 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
       const bool other_came = was_there && somebody_else_came(message.patient, place, before->second);
       // Whoever is announced once more where they are (A02 behind A10, a message sent again) changed nothing.
       if (!was_there || (arrives && other_came)) note_change(place, received);
-      const bool stays = !arrives && other_came;
-      since.emplace(place, stays ? before->second : received);
-      comes = comes || !stays;
+      const bool is_no_news = !arrives && other_came;
+      since.emplace(place, is_no_news ? before->second : received);
+      comes = comes || !is_no_news;
     }
     for (const auto& [place, came] : kept.since) {
       if (since.contains(place)) continue;
@@ -206,6 +218,8 @@ void ProcedureBook::place(ProcedureMessage message, const Arrival& received, boo
   }
   if (comes) kept.received = received;
   if (arrives) kept.moved = message.happened;
+  if (!arrives) message.kept_bed = kept.message.kept_bed;
+  if (!arrives || message.account.empty()) message.account = kept.message.account;
   // Only who is said to have come anew is there for sure again.
   kept.doubt = doubt != Doubt::kNone ? doubt : arrives ? Doubt::kNone : kept.doubt;
   kept.message = std::move(message);
@@ -314,6 +328,31 @@ bool ProcedureBook::keep_places(ProcedureMessage& message, const Kept& kept) {
       message.places.push_back(std::move(place));
   }
   return is_elsewhere;
+}
+
+bool ProcedureBook::takes_away(const Kept& kept, const ProcedureMessage& message) {
+  std::vector<std::string> by_move;
+  for (const auto& [place, came] : kept.since) {
+    if (kept.way_to(place) == Way::kMoved) by_move.push_back(place);
+  }
+  if (by_move.empty() || share_a_place(message.places, by_move)) return true;
+  if (message.registers || message.cancels_departing) return false;
+  const bool is_on_loan = !kept.message.kept_bed.empty();  // from the bed that is kept
+  if (message.cancels_move)
+    return message.prior.empty() ? !is_on_loan : share_a_place(message.prior, by_move);
+  return !(message.swaps_beds && is_on_loan && message.kept_bed.empty());
+}
+
+bool ProcedureBook::may_leave_another_stay(const Kept& kept, const ProcedureMessage& message) {
+  const bool is_by_one_clock = message.sender == kept.message.sender && kept.moved;
+  if (message.discharged && is_by_one_clock && *message.discharged + kSameMoment < *kept.moved) return true;
+  if (message.kind != ProcedureMessage::Kind::kLeaves || kept.since.empty()) return false;
+  const bool is_here = share_a_place(message.places, kept.message.places) ||
+                       share_a_place(message.places, kept.message.kept_bed);
+  if (is_here) return false;
+  const bool is_own_visit = !message.visit.empty() && kept.has_visit(message.visit);
+  if (is_own_visit) return false;
+  return !message.places.empty() || are_two_accounts(message, kept.message);
 }
 
 bool ProcedureBook::is_before_leaving(const ProcedureMessage& message, const Kept& kept) {

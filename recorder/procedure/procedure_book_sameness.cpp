@@ -129,13 +129,23 @@ void ProcedureBook::rename(ProcedureMessage& message, const Arrival& received) {
     add_numbers(message.numbers, one.message.numbers);
     if (const auto known = placed_.find(message.patient); known != placed_.end()) {
       add_numbers(message.numbers, known->second.message.numbers);
-      // They are where an event brought them last, and were where they came before. A record moves nobody.
-      const auto rank = [](const Kept& each) {
-        const bool by_event = std::ranges::any_of(
-            each.since, [&](const auto& came) { return each.way_to(came.first) != Way::kRecord; });
-        return std::pair(by_event || (each.since.empty() && each.message.moves), each.received.number);
+      // They are where they went last, and were where they came before. Neither a registration nor a record
+      // moves anybody from there.
+      const auto way_of_coming = [](const Kept& each) {
+        if (each.since.empty()) return each.message.moves ? each.way_to("") : Way::kRecord;
+        Way surest = Way::kRecord;
+        for (const auto& [place, came] : each.since) surest = std::max(surest, each.way_to(place));
+        return surest;
+      };
+      const auto rank = [&](const Kept& each) {
+        return std::pair(way_of_coming(each), each.received.number);
       };
       if (rank(known->second) > rank(one)) std::swap(known->second, one);
+      const Kept& other = known->second;
+      const bool is_registered_since = way_of_coming(other) == Way::kRegistered &&
+                                       other.received.number > one.received.number &&
+                                       !share_a_place(other.message.places, one.message.places);
+      if (is_registered_since && one.doubt == Doubt::kNone) one.doubt = Doubt::kRegisteredElsewhere;
       for (const auto& [place, came] : known->second.since) {
         if (one.since.contains(place)) {
           one.note_way(place, std::max(one.way_to(place), known->second.way_to(place)));
@@ -151,6 +161,7 @@ void ProcedureBook::rename(ProcedureMessage& message, const Arrival& received) {
     one.apart.clear();
     placed_.insert_or_assign(message.patient, std::move(one));
   }
+  give_claims(before, message);
   std::vector<Kept> moved;
   std::erase_if(appointments_, [&](auto& each) {
     const ProcedureMessage& other = each.second.message;

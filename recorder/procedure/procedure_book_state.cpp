@@ -1,5 +1,6 @@
 // The book as bytes. Members are taken by structured bindings: with a new one this does not compile before
 // it is handed over, too.
+#include <algorithm>
 #include <concepts>
 #include <type_traits>
 #include <utility>
@@ -10,7 +11,9 @@
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::uint64_t kVersion = 8;
+constexpr std::uint64_t kVersion = 9;
+/// Which knows of no claims, accounts and kept beds.
+constexpr std::uint64_t kVersionWithoutClaims = 8;
 /// Which knows not who gave an appointment's number, nor what says that somebody is at a place.
 constexpr std::uint64_t kVersionOfOneNumber = 7;
 /// Which knows nothing of what was recorded.
@@ -132,7 +135,9 @@ void members(Codec& codec, Message& message) {
   auto& [kind, moves, sender, told, happened, patient, replaces, numbers, replaced_numbers, appointment,
          placer, filler, is_over, places, planned, data, planned_places, is_time_unclear, within, facility,
          visit, is_of_any_visit, cancels_move, is_of_record, books, corrects, names_resources, leaves_unnamed,
-         registers, placer_by, filler_by, names_rooms, is_status_unclear, says_no_status] = message;
+         registers, placer_by, filler_by, names_rooms, is_status_unclear, says_no_status, kept_bed, account,
+         prior, discharged, swaps_beds, cancels_departing, rebooks, is_update, adds_rooms, taken_out,
+         are_rooms_unclear] = message;
   if constexpr (Codec::kReads) {
     kind = static_cast<ProcedureMessage::Kind>(
         codec.number_below(static_cast<std::uint64_t>(ProcedureMessage::Kind::kNothing) + 1));
@@ -221,6 +226,10 @@ struct ProcedureBook::AsBytes {
       if (!is_of_appointment) one.note_visit(message);
     }
     if (version > kVersionOfOneNumber) newest_kept(codec, one);
+    if (version > kVersionWithoutClaims) {
+      members(codec, message.kept_bed);
+      codec.one(message.account);
+    }
   }
 
   template <typename Codec, Is<Kept> One>
@@ -251,7 +260,8 @@ struct ProcedureBook::AsBytes {
     bool is_booked = one.booked.has_value();
     codec.one(is_booked);
     if constexpr (Codec::kReads) {
-      one.doubt = static_cast<Doubt>(codec.number_below(static_cast<std::uint64_t>(Doubt::kNewborn) + 1));
+      one.doubt =
+          static_cast<Doubt>(codec.number_below(static_cast<std::uint64_t>(Doubt::kRecordedHere) + 1));
       if (is_booked) arrival(codec, one.booked.emplace(Arrival{0, UtcTime{}}));
       for (std::size_t left = codec.length(); left > 0; --left) {
         std::string place;
@@ -382,6 +392,8 @@ Bytes ProcedureBook::exported() const {
     members(writer, data.numbers);
     AsBytes::write(writer, at);
   }
+  AsBytes::write(writer, claims_);
+  AsBytes::write(writer, planned_claims_);
   return writer.take();
 }
 
@@ -438,6 +450,24 @@ ProcedureBook ProcedureBook::imported(ByteView bytes) {
       one.at = AsBytes::read(reader);
       book.recorded_.push_back(std::move(one));
     }
+  }
+  if (version > kVersionWithoutClaims) {
+    std::vector<Kept> lost_claims, lost_planned_claims;
+    book.claims_ = read(key_of_placed, lost_claims);
+    book.planned_claims_ =
+        read([](const Kept& kept) { return key_of_appointment(kept.message); }, lost_planned_claims);
+    // Most are of what is lost already.
+    const auto add = [](std::vector<Kept>& lost, std::vector<Kept>& claims) {
+      for (Kept& claim : claims) {
+        const bool is_known = std::ranges::any_of(
+            lost, [&](const Kept& each) { return each.message.patient == claim.message.patient; });
+        if (!is_known) lost.push_back(std::move(claim));
+      }
+    };
+    add(lost_placed, lost_claims);
+    add(lost_planned, lost_planned_claims);
+  } else {
+    book.claim();
   }
   reader.require_end();
   for (const Kept& each : lost_placed) book.lose(book.lost_placed_, each, each.received.at, each.received.at);

@@ -230,6 +230,24 @@ std::string_view words_of(Doubt doubt) {
              "choose";
     case Doubt::kNewborn:
       return "whoever is in the room is newborn, somebody left it since they came, and a person must choose";
+    case Doubt::kRegisteredElsewhere:
+      return "a registration or a change of beds names another place for whoever is in the room, and a "
+             "person "
+             "must choose";
+    case Doubt::kRoomUnclear:
+      return "a change of an appointment does not say whether it is in this room still, and a person must "
+             "choose";
+    case Doubt::kNotSeenOff:
+      return "somebody else was in the room or planned for it before, no message says that this is over, and "
+             "a "
+             "person must choose";
+    case Doubt::kUnnamed:
+      return "an appointment that may be meant names no patient, and a person must choose";
+    case Doubt::kRecordAgainstPlan:
+      return "a correction of a record alone names the room for somebody, somebody else is planned, and a "
+             "person must choose";
+    case Doubt::kRecordedHere:
+      return "a case about whoever is in the room has ended since they came, and a person must choose";
   }
   return "";
 }

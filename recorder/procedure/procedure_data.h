@@ -121,6 +121,13 @@ enum class Doubt {
   kRecordAlone,      // a record says that somebody is in the room, and no event does
   kOnlyRegistered,   // whoever is there was registered there alone, and somebody else is planned
   kNewborn,          // whoever is there is newborn, and somebody left the room since they came
+  kRegisteredElsewhere,  // whoever is in the room is registered elsewhere since, and did not go there
+  kRoomUnclear,          // a change does not say whether what is planned nearest is in this room still
+  kNotSeenOff,           // somebody else was there, or planned there, and nothing says that this is over
+  kUnnamed,              // what is planned now names no patient
+  kRecordAgainstPlan,    // a record alone says that somebody is there of whom no plan is known, and somebody
+                         // else is planned
+  kRecordedHere,         // a case about whoever is there ended since they came
 };
 /// Half a sentence without anything of a patient; "" of kNone.
 std::string_view words_of(Doubt doubt);
@@ -130,6 +137,8 @@ struct ProcedureChoice {
   std::optional<ProcedureData> data;
   Doubt doubt = Doubt::kNone;
   bool is_by_plan = false;  // nobody was placed in the room: it is planned
+  /// Of whoever is there: since then a case that ended was of this stay.
+  std::optional<UtcTime> stays_since = {};
 };
 
 /// What is planned nearest to a moment.

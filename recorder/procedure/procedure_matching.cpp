@@ -60,6 +60,11 @@ bool are_two_visits(const ProcedureMessage& one, const ProcedureMessage& other) 
   return !one.visit.empty() && !other.visit.empty() && !read_alike(one.visit, other.visit);
 }
 
+bool are_two_accounts(const ProcedureMessage& one, const ProcedureMessage& other) {
+  return !one.account.empty() && !other.account.empty() && one.sender == other.sender &&
+         one.account != other.account;
+}
+
 bool is_another_name(const PersonName& one, const PersonName& other) {
   if (one.empty() || other.empty()) return false;
   const std::string given = lower_case(one.given), others = lower_case(other.given);

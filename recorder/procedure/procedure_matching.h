@@ -24,6 +24,8 @@ std::vector<std::string_view> whole_places(const std::vector<std::string>& place
 bool share_a_place(const std::vector<std::string>& one, const std::vector<std::string>& other);
 /// Both are stated, and differ.
 bool are_two_visits(const ProcedureMessage& one, const ProcedureMessage& other);
+/// Both are stated by one sender, and differ.
+bool are_two_accounts(const ProcedureMessage& one, const ProcedureMessage& other);
 /// Not another one for a name that is written in another way.
 bool is_another_name(const PersonName& one, const PersonName& other);
 /// Born within so many days; of a year or month alone nobody knows.

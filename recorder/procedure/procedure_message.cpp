@@ -36,6 +36,12 @@ constexpr std::array<std::string_view, 3> kOfAnyVisit{"A06", "A07", "A10"};
 /// Of these MRG-1 is what the patient was called before; of others it is the number of an account or a visit.
 constexpr std::array<std::string_view, 8> kRenaming{"A18", "A30", "A34", "A36", "A39", "A40", "A46", "A47"};
 constexpr std::array<std::string_view, 4> kCancelling{"S15", "S16", "S17", "S26"};
+/// They state what becomes of single services and resources of an appointment.
+constexpr std::array<std::string_view, 5> kUpdating{"S18", "S19", "S20", "S21", "S22"};
+/// What they name is taken out.
+constexpr std::array<std::string_view, 3> kTakingOut{"S20", "S21", "S22"};
+/// Of a slot that is open for nobody.
+constexpr std::array<std::string_view, 2> kBlocking{"S23", "S24"};
 
 /// Behind the number of an account, which is no patient's.
 constexpr std::string_view kOfAccount = "\naccount";
@@ -186,15 +192,19 @@ class Reader {
       }
       if (is_one_of(event, kCancelling) || called_off_) {
         out_.kind = out_.appointment.empty() ? Kind::kNothing : Kind::kCancels;
-      } else if (!out_.patient.empty() && !out_.appointment.empty()) {
+      } else if (!out_.appointment.empty() && (!out_.patient.empty() || !is_one_of(event, kBlocking))) {
+        // Whose it is a change need not say (PID is optional): whose it was, by its number.
         out_.kind = Kind::kAppointment;
       }
+      finish_rooms();
     } else if (!out_.patient.empty()) {
       out_.moves = is_one_of(event, kMoving);
       out_.is_of_record = event == "A08";
       out_.registers = is_one_of(event, kRegistering);
       out_.corrects = event == "A08" || event == "A31";
       out_.cancels_move = event == "A12";
+      out_.swaps_beds = event == "A17";
+      out_.cancels_departing = event == "A33";
       out_.is_of_any_visit = is_one_of(event, kOfAnyVisit);
       out_.kind = is_one_of(event, kLeaving)        ? Kind::kLeaves
                   : is_one_of(event, kDeparting)    ? Kind::kDeparts
@@ -204,11 +214,13 @@ class Reader {
       if (out_.kind == Kind::kPlaces && out_.is_of_record && is_discharged()) {
         out_.kind = Kind::kDeparts;
         out_.places.clear();
+        out_.discharged = discharged_.within ? discharged_.within->latest : discharged_.at;
       }
     } else {
       out_.leaves_unnamed = is_one_of(event, kLeaving) || is_one_of(event, kDeparting);
     }
     out_.books = event == "S12" || event == "S13";
+    out_.rebooks = event == "S13";
     // What is told of somebody's record may name when they came.
     if (!out_.moves) out_.happened = out_.told;
     const bool is_renamed = is_one_of(event, kRenaming) && !out_.patient.empty();
@@ -465,6 +477,38 @@ class Reader {
     }
   }
 
+  [[nodiscard]] std::vector<std::string> spellings_of(const Hl7Field& field, std::size_t components) {
+    const std::size_t before = out_.places.size();
+    const std::string location = out_.data.location;
+    add_place(field, components);
+    const auto first = out_.places.begin() + static_cast<std::ptrdiff_t>(before);
+    std::vector<std::string> spellings(first, out_.places.end());
+    out_.places.erase(first, out_.places.end());
+    out_.data.location = location;
+    return spellings;
+  }
+
+  void take_place_out(const Hl7Segment& segment, std::size_t components) {
+    for (const Hl7Field& one : segment.field(3).repetitions()) {
+      for (std::string& place : spellings_of(one, components)) {
+        is_group_without_place_ = false;
+        out_.taken_out.push_back(std::move(place));
+      }
+    }
+  }
+  [[nodiscard]] bool is_added(const std::string& action) const {
+    return action == "A" || (action.empty() && event_ == "S18");
+  }
+  /// A group that is taken out and does not say of which place.
+  void end_group() {
+    if (group_taken_out_ && is_group_without_place_) out_.are_rooms_unclear = true;
+  }
+  void finish_rooms() {
+    end_group();
+    out_.is_update = has_action_codes_ || is_one_of(event_, kUpdating);
+    out_.adds_rooms = out_.is_update && !names_more_than_added_;
+  }
+
   /// "" where it is empty.
   [[nodiscard]] std::string key_of(const Hl7Field& identifier) const {
     const std::string number = identifier.component(1).text();
@@ -478,8 +522,8 @@ class Reader {
     data.patient_id_issuer = first_subcomponent(chosen.component(4));
     out_.patient = key_of(chosen);
     // Some name whoever leaves by their account alone.
-    if (const std::string account = key_of(pid.field(18)); out_.patient.empty() && !account.empty())
-      out_.patient = account + std::string(kOfAccount);
+    out_.account = key_of(pid.field(18));
+    if (out_.patient.empty() && !out_.account.empty()) out_.patient = out_.account + std::string(kOfAccount);
     add_numbers(out_.numbers, numbers_of(pid, message_.separators()));
     data.patient = name(pid.field(5), 1);
     if (const auto born = parse_hl7_time(pid.field(7).component(1).raw())) {
@@ -504,6 +548,8 @@ class Reader {
     };
     const bool is_elsewhere = has_named(11);
     const bool was_elsewhere = departs && has_named(43);  // the prior temporary one
+    if (is_elsewhere && !departs && !leaves) out_.kept_bed = spellings_of(visit.field(3), kPlaceComponents);
+    if (event_ == "A12") out_.prior = spellings_of(visit.field(6), kPlaceComponents);
     // Whoever departs is in none of them: some systems name the place that is left by PV1-11, others the one
     // where the patient goes. By PV1-43 alone they go back to where they are assigned.
     if (departs ? is_elsewhere || !was_elsewhere : leaves || !is_elsewhere)
@@ -519,17 +565,26 @@ class Reader {
   void read(const Hl7Segment& segment) {
     const std::string_view name = segment.name();
     // A change of an appointment names what is taken out of it, too (segment action code, table 0206).
-    const bool is_taken_out = is_of_resources(name) && segment.field(2).text() == "D";
+    // Or says of it that it is called off (table 0278).
+    const std::size_t status_field = name == "AIS" ? 10 : name == "AIL" ? 12 : name == "AIG" ? 14 : 0;
+    const std::string action = is_of_resources(name) ? segment.field(2).text() : "";
+    const bool is_called_off_alone = status_field > 0 && is_called_off(segment.field(status_field));
+    const bool is_taken_out = action == "D" || is_called_off_alone ||
+                              (action.empty() && status_field > 0 && is_one_of(event_, kTakingOut));
     if (is_of_resources(name)) out_.names_resources = true;
     if (name == "AIL" && !segment.field(3).empty()) out_.names_rooms = true;
     if (name == "RGS") {
+      end_group();
       group_taken_out_ = is_taken_out;
+      is_group_without_place_ = true;
       ++group_;
     }
-    if (is_taken_out || (group_taken_out_ && is_of_resources(name))) return;
-    // Or says of it that it is called off (table 0278).
-    const std::size_t status_field = name == "AIS" ? 10 : name == "AIL" ? 12 : name == "AIG" ? 14 : 0;
-    if (status_field > 0 && is_called_off(segment.field(status_field))) return;
+    has_action_codes_ = has_action_codes_ || !action.empty();
+    if (is_taken_out || (group_taken_out_ && is_of_resources(name))) {
+      if (name == "AIL" || name == "AIG") take_place_out(segment, name == "AIL" ? kPlaceComponents : 2);
+      return;
+    }
+    if (name == "AIL") names_more_than_added_ = names_more_than_added_ || !is_added(action);
     if (name == "PID") {
       read_patient(segment);
     } else if (name == "MRG") {
@@ -579,6 +634,7 @@ class Reader {
   const AssumedZone assumed_zone_;
   const std::string event_;
   bool called_off_ = false, group_taken_out_ = false;
+  bool is_group_without_place_ = false, has_action_codes_ = false, names_more_than_added_ = false;
   Stated discharged_;  // PV1-45
   std::size_t group_ = 0;
   std::vector<ServiceOfGroup> services_;

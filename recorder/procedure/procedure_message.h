@@ -83,6 +83,20 @@ struct ProcedureMessage {
   bool names_rooms = false;  // of SIU: rooms (AIL), or what is taken out of them: PV1 says nothing of them
   bool is_status_unclear = false;  // of SIU: SCH-25 says neither that it is booked nor that it is not
   bool says_no_status = false;     // of SIU: SCH-25 is empty
+  /// PV1-11 says where they are, and this is the bed that is kept (PV1-3); else empty.
+  std::vector<std::string> kept_bed = {};
+  std::string account = {};                // PID-18, with its issuer
+  std::vector<std::string> prior = {};     // PV1-6 of ADT^A12: where they never were
+  std::optional<UtcTime> discharged = {};  // PV1-45, where that is why they are gone (ADT^A08)
+  bool swaps_beds = false;                 // ADT^A17
+  bool cancels_departing = false;          // ADT^A33
+  bool rebooks = false;                    // SIU^S13, which leaves what it does not state as it was
+  /// Of SIU: it states what changes, by action codes of its resources or by its event (S18 to S22); else all
+  /// the resources that it names are those that there are.
+  bool is_update = false;
+  bool adds_rooms = false;                  // of is_update: each room that it names is added
+  std::vector<std::string> taken_out = {};  // of SIU: places that are the appointment's no more
+  bool are_rooms_unclear = false;           // of SIU: it may be in fewer rooms than it was, or not
 };
 
 /// "ADT^A01", "SIU^S12".

@@ -71,6 +71,9 @@ class RoomProcedure : public ProcedureSource {
     ProcedureChoice choice = choose_of_both(at);
     if (choice.data && choice.is_by_plan && was_recorded(*choice.data, at))
       return {{}, Doubt::kRecordedAlready};
+    // Nobody may have signed them off yet: whoever is next need not be they.
+    if (choice.data && choice.stays_since && is_done(*choice.data, *choice.stays_since, at))
+      return {{}, Doubt::kRecordedHere};
     return choice;
   }
   [[nodiscard]] ProcedureChoice choose_of_both(UtcTime at) const {
@@ -118,6 +121,10 @@ class RoomProcedure : public ProcedureSource {
           is_within(ago, rule_.window) || (!data.planned.empty() && !each.first.planned.empty());
       return ago > kGoesOnWithin && is_near && may_be_same_procedure(data, each.first);
     });
+  }
+  /// Whether the last case about that patient since then was ended too long ago to go on.
+  [[nodiscard]] bool is_done(const ProcedureData& data, UtcTime since, UtcTime at) const {
+    return has_ended(data, since, at) && !has_ended(data, std::max(since, at - kGoesOnWithin), at);
   }
   /// A case about that patient, of whatever procedure.
   [[nodiscard]] bool has_ended(const ProcedureData& data, UtcTime since, UtcTime at) const {

@@ -299,6 +299,14 @@ TEST(ProcedureBook, BytesOfTheVersionsBeforeAreRead) {
   // passed; then the changes, and what was lost and recorded. Of the patient stand there four texts of who
   // gave a number, a flag, and an empty list of ways.
   constexpr std::size_t kBehind = 5 * kCount + kChanges + 3 * kCount, kWays = 4 * kCount + 1 + kCount;
+  // At the end stand claims, of the patient, who is as long as above, and of no appointment. Of the patient
+  // stand there an empty list of a kept bed, and no account.
+  constexpr std::size_t kBed = 2 * kCount, kPatients = kCount;
+  const std::size_t one = (bytes.size() - 3 * kCount - kPatients - (kBehind - kCount) - 2 * kCount) / 2;
+  bytes.resize(bytes.size() - one - 2 * kCount);
+  bytes.erase(bytes.end() - kBehind - kBed, bytes.end() - kBehind);
+  bytes.at(0) = std::byte{8};
+  EXPECT_EQ(found(ProcedureBook::imported(bytes), kMorning), "1 ");
   bytes.erase(bytes.end() - kBehind - kWays, bytes.end() - kBehind);
   bytes.at(0) = std::byte{7};
   EXPECT_EQ(found(ProcedureBook::imported(bytes), kMorning), "1 ");
@@ -2154,6 +2162,280 @@ TEST(ProcedureBook, ATimeThatNoneCanBeCostsItselfAlone) {
   EXPECT_EQ(read.not_kept(), 1U);
   EXPECT_EQ(doubt(read, kMorning + 1h, {"OR2"}), Doubt::kNotKept);
   EXPECT_EQ(ProcedureBook::imported(read.exported()).exported(), read.exported());
+}
+
+/// As its hospital's systems send them, in the minutes after seven.
+class ProcedureDay : public testing::Test {
+ protected:
+  static std::string time(int minute) {
+    std::string text = format_utc(kMorning + std::chrono::minutes(minute)).substr(0, 19);
+    std::erase_if(text, [](char each) { return each == '-' || each == ':' || each == 'T'; });
+    return text + "+0000";
+  }
+  static std::string pid(const std::string& patient, const std::string& account = "") {
+    const std::string name = patient == "TEMP" ? "Unknown||" : "N" + patient + "^X||19600101";
+    return "PID|1||" + patient + "^^^H^MR||" + name + "|||||||||||" + account + "\r";
+  }
+  void take(int minute, const std::string& type, const std::string& segments) {
+    const std::string sender = type.starts_with("SIU") ? "PLAN" : "HIS";
+    const Hl7Parse parsed =
+        parse_hl7_message("MSH|^~\\&|" + sender + "|H|||" + time(minute) + "||" + type + "|" +
+                          std::to_string(++number_) + "|P|2.5\rEVN||" + time(minute) + "\r" + segments);
+    ASSERT_TRUE(parsed.message) << parsed.problem;
+    book.take_all(read_procedure_messages(*parsed.message, AssumedZone(0min)), kMorning + minute * 1min);
+    book = ProcedureBook::imported(book.exported());
+    book.watch({{"OR1"}, 12h});
+  }
+  /// PV1-3, and what is known beside it.
+  void adt(int minute, const std::string& event, const std::string& patient, const std::string& place,
+           const std::string& temporary = "", const std::string& prior = "", const std::string& account = "",
+           const std::string& visit = "") {
+    take(minute, "ADT^" + event,
+         pid(patient, account) + "PV1|1|I|" + place + "|||" + prior + "|||||" + temporary + "||||||||" +
+             visit + "\r");
+  }
+  void siu(int minute, const std::string& event, const std::string& number, const std::string& patient,
+           const std::string& planned, const std::string& resources, const std::string& status = "") {
+    take(minute, "SIU^" + event,
+         "SCH|" + number + "|" + number + "|||||||||^^^" + planned + "||||||||||||||" + status + "\r" +
+             (patient.empty() ? "" : pid(patient)) + resources);
+  }
+  /// P1 for seven, and P2 45 minutes later.
+  void plan_both() {
+    siu(-600, "S12", "A", "P1", time(0), kRoom);
+    siu(-599, "S12", "B", "P2", time(45), kRoom);
+  }
+  /// P1 is on the table without having been planned.
+  void bring(const std::string& patient = "P1") {
+    siu(-599, "S12", "B", "P2", time(45), kRoom);
+    adt(-20, "A10", patient, "ER^1", "SURG^OR1");
+  }
+  [[nodiscard]] std::string taken(const EndedSince& ended = {}, int minute = 5) const {
+    const ProcedureChoice choice = book.choose({{"OR1"}, 12h}, kMorning + minute * 1min, ended);
+    if (choice.data) return choice.data->patient_id;
+    return choice.doubt == Doubt::kNone ? "nobody" : std::string(words_of(choice.doubt));
+  }
+  void start_anew() {
+    book = ProcedureBook();
+    book.watch({{"OR1"}, 12h});
+  }
+
+  static constexpr const char* kRoom = "RGS|1\rAIL|1||SURG^OR1\r";
+  ProcedureBook book;
+
+ private:
+  int number_ = 0;
+};
+
+TEST_F(ProcedureDay, AChangeOfAnotherResourceLeavesTheRoom) {
+  struct Change {
+    const char *event, *resources;
+  };
+  for (const Change& change : std::vector<Change>{{"S14", "AIP|1|U|77^Sato||SURGEON\r"},
+                                                  {"S14", "AIP|1||77^Sato||SURGEON\r"},
+                                                  {"S14", "AIS|1|U|LAP^Hernia^L\r"},
+                                                  {"S18", "AIG|1|A|CARM^C-arm\r"},
+                                                  {"S18", "AIL|2||PACU^1\r"},
+                                                  {"S14", "AIL|2|A|PACU^1\r"},
+                                                  {"S14", "AIL|2|D|PACU^1\rAIP|1|U|77^Sato\r"},
+                                                  {"S20", "AIP|1|D|77^Sato||SURGEON\r"}}) {
+    start_anew();
+    plan_both();
+    siu(-60, change.event, "A", "P1", time(0), std::string("RGS|1\r") + change.resources);
+    EXPECT_EQ(taken(), "P1") << change.event << change.resources;
+  }
+  for (const char* const moves : {"AIL|1|D|SURG^OR1\rAIL|1|A|SURG^OR2\r", "AIL|1||SURG^OR2\r"}) {
+    start_anew();
+    plan_both();
+    siu(-60, "S14", "A", "P1", time(0), std::string("RGS|1\r") + moves);
+    EXPECT_EQ(taken(), "P2") << moves;
+  }
+  // In place of this room, or beside it.
+  for (const char* const resources : {"RGS|1|U\rAIL|1|U|SURG^OR2\r", "RGS|1|D\r"}) {
+    start_anew();
+    plan_both();
+    siu(-60, "S14", "A", "P1", time(0), resources);
+    EXPECT_EQ(taken(), words_of(Doubt::kRoomUnclear)) << resources;
+    siu(-50, "S14", "A", "P1", time(0), "");
+    EXPECT_EQ(taken(), words_of(Doubt::kRoomUnclear)) << "says nothing of it";
+    siu(-40, "S14", "A", "P1", time(0), kRoom);
+    EXPECT_EQ(taken(), "P1");
+  }
+}
+
+TEST_F(ProcedureDay, AnotherTimeLeavesTheRoom) {
+  plan_both();
+  siu(-60, "S13", "A", "P1", time(10), "");
+  EXPECT_EQ(taken(), "P1");
+  siu(-50, "S13", "A", "P1", time(120), "");
+  EXPECT_EQ(taken(), "P2");
+}
+
+TEST_F(ProcedureDay, AChangeThatNamesNobodyIsOfWhomItWasFor) {
+  siu(-600, "S12", "A", "P1", time(0), kRoom);
+  siu(-599, "S12", "C", "P3", time(120), kRoom);
+  siu(-60, "S13", "A", "", time(120), kRoom);
+  siu(-59, "S13", "C", "", time(0), kRoom);
+  EXPECT_EQ(taken(), "P3");
+  siu(-58, "S14", "C", "", time(0), "", "Complete");
+  EXPECT_EQ(taken({}, 90), "P1") << "hers is over";
+  // Of an appointment that is not known nobody can tell.
+  siu(-57, "S13", "Z", "", time(100), kRoom);
+  EXPECT_EQ(taken({}, 90), words_of(Doubt::kUnnamed));
+  EXPECT_EQ(book.list({{"OR1"}, 12h}, kMorning + 90min).size(), 2U);
+  siu(-56, "S14", "Z", "P4", time(100), kRoom);
+  EXPECT_EQ(taken({}, 95), "P4");
+  siu(-55, "S23", "Y", "", time(94), kRoom);
+  EXPECT_EQ(taken({}, 95), "P4") << "a blocked slot is nobody's";
+  // Another name by that number.
+  take(-54, "SIU^S14", "SCH|Z|Z|||||||||^^^" + time(100) + "\rPID|1||||Other^Olga\r");
+  EXPECT_NE(taken({}, 95), "P4");
+}
+
+TEST_F(ProcedureDay, AMergerLeavesWhoeverIsOnTheTableThere) {
+  bring("TEMP");
+  adt(-10, "A01", "P1", "ICU^3");
+  take(-8, "ADT^A40", pid("P1") + "MRG|TEMP^^^H^MR\r");
+  EXPECT_EQ(taken(), words_of(Doubt::kRegisteredElsewhere));
+  adt(-7, "A10", "P1", "ER^1", "SURG^OR1");
+  EXPECT_EQ(taken(), "P1");
+  // Registered there before: they were brought since.
+  start_anew();
+  adt(-100, "A01", "P1", "ICU^3");
+  bring("TEMP");
+  take(-8, "ADT^A40", pid("P1") + "MRG|TEMP^^^H^MR\r");
+  EXPECT_EQ(taken(), "P1");
+}
+
+TEST_F(ProcedureDay, NoRegistrationTakesAnybodyOutOfTheRoom) {
+  for (const char* const event : {"A01", "A04", "A06", "A07", "A13", "A22", "A33", "A52"}) {
+    start_anew();
+    bring();
+    adt(-10, event, "P1", "ICU^3");
+    EXPECT_EQ(taken(), words_of(Doubt::kRegisteredElsewhere)) << event;
+    adt(-9, "A02", "P1", "ICU^3");
+    EXPECT_EQ(taken(), "P2") << "went there";
+  }
+  // Registered there alone, they are where they are registered last.
+  start_anew();
+  siu(-599, "S12", "B", "P2", time(45), kRoom);
+  adt(-20, "A04", "P1", "SURG^OR1");
+  adt(-10, "A01", "P1", "ICU^3");
+  EXPECT_EQ(taken(), "P2");
+}
+
+TEST_F(ProcedureDay, ABedThatIsKeptIsNotWhereTheyAre) {
+  bring();
+  adt(-300, "A01", "P9", "WARD^2");
+  take(-5, "ADT^A17", pid("P1") + "PV1|1|I|WARD^2\r" + pid("P9") + "PV1|1|I|ER^1\r");
+  EXPECT_EQ(taken(), words_of(Doubt::kRegisteredElsewhere));
+  start_anew();
+  siu(-599, "S12", "B", "P2", time(45), kRoom);
+  adt(-30, "A02", "P1", "SURG^OR1");
+  take(-5, "ADT^A17", pid("P1") + "PV1|1|I|SURG^OR2\r" + pid("P9") + "PV1|1|I|WARD^2\r");
+  EXPECT_EQ(taken(), "P2") << "went to the other room";
+  for (const bool states_which : {false, true}) {
+    start_anew();
+    bring();
+    adt(-5, "A12", "P1", "WARD^0", "", states_which ? "WARD^1" : "");
+    EXPECT_EQ(taken(), words_of(Doubt::kRegisteredElsewhere)) << "another move is cancelled";
+    adt(-4, "A12", "P1", "WARD^0", "", "SURG^OR1");
+    EXPECT_EQ(taken(), "P2") << "that move is cancelled";
+  }
+}
+
+TEST_F(ProcedureDay, ADischargeOfAnotherStayTakesNobodyOutOfTheRoom) {
+  for (const char* const event : {"A03", "A11", "A23"}) {
+    start_anew();
+    siu(-599, "S12", "B", "P2", time(45), kRoom);
+    adt(-20, "A02", "P1", "SURG^OR1", "", "", "ACC2", "V2");
+    adt(-5, event, "P1", "CLINIC^1", "", "", "ACC1");
+    EXPECT_EQ(taken(), words_of(Doubt::kOtherVisit)) << event;
+    adt(-4, event, "P1", "", "", "", "ACC1");
+    EXPECT_EQ(taken(), words_of(Doubt::kOtherVisit)) << "of another account";
+    adt(-3, event, "P1", "CLINIC^1", "", "", "ACC1", "V2");
+    EXPECT_EQ(taken(), "P2") << "of this visit";
+  }
+  start_anew();
+  bring();
+  adt(-5, "A03", "P1", "ER^1");
+  EXPECT_EQ(taken(), "P2") << "from the bed that is kept";
+  start_anew();
+  siu(-599, "S12", "B", "P2", time(45), kRoom);
+  adt(-20, "A02", "P1", "SURG^OR1");
+  take(-5, "ADT^A08", pid("P1") + "PV1|1|I|SURG^OR1" + std::string(42, '|') + time(-400) + "\r");
+  EXPECT_EQ(taken(), words_of(Doubt::kOtherVisit)) << "discharged before they came";
+}
+
+TEST_F(ProcedureDay, ARecordOfSomebodyUnplannedStopsThePlan) {
+  siu(-599, "S12", "B", "P2", time(45), kRoom);
+  adt(-10, "A08", "P1", "SURG^OR1");
+  EXPECT_EQ(taken(), words_of(Doubt::kRecordAgainstPlan));
+  adt(-9, "A08", "P2", "SURG^OR1");
+  siu(-8, "S12", "D", "P1", time(300), kRoom);
+  EXPECT_EQ(taken(), "P2") << "she is planned for later";
+}
+
+// However the book loses sight of somebody, the next one is not taken.
+TEST_F(ProcedureDay, WhoeverWasInTheRoomClaimsItUntilAMessageSaysThatThisIsOver) {
+  const auto lose_sight = [&] {
+    start_anew();
+    bring("TEMP");
+    adt(-10, "A02", "P1", "ICU^3");
+    take(-8, "ADT^A40", pid("P1") + "MRG|TEMP^^^H^MR\r");
+    EXPECT_EQ(taken(), words_of(Doubt::kNotSeenOff));
+  };
+  lose_sight();
+  EXPECT_EQ(taken(recorded("P1")), "P2") << "recorded here";
+  EXPECT_EQ(taken(recorded("P9")), words_of(Doubt::kNotSeenOff));
+  adt(-7, "A01", "P1", "ICU^3");
+  adt(-7, "A08", "P1", "ICU^3");
+  adt(-7, "A03", "P1", "CLINIC^3");
+  EXPECT_NE(taken(), "P2");
+  lose_sight();
+  adt(-6, "A02", "P2", "SURG^OR1");
+  EXPECT_EQ(taken(), words_of(Doubt::kNotSeenOff)) << "P2 came, and P1 was not seen off";
+  adt(-5, "A02", "P1", "ICU^3");
+  EXPECT_EQ(taken(), "P2");
+  lose_sight();
+  adt(-6, "A09", "P1", "", "SURG^OR1");
+  EXPECT_EQ(taken(), "P2");
+  lose_sight();
+  siu(-6, "S12", "E", "P2", time(13 * 60), kRoom);
+  EXPECT_EQ(taken({}, 13 * 60), "P2") << "too long ago";
+}
+
+TEST_F(ProcedureDay, WhoeverWasPlannedClaimsTheRoomUntilAMessageSaysThatThisIsOver) {
+  // The room by PV1; then PV1 says where the patient is.
+  const auto lose_sight = [&] {
+    start_anew();
+    siu(-600, "S12", "A", "P1", time(0), "PV1|1|I|SURG^OR1\r");
+    siu(-599, "S12", "B", "P2", time(45), kRoom);
+    siu(-60, "S14", "A", "P1", time(0), "PV1|1|I|WARD^1\r");
+    EXPECT_EQ(taken(), words_of(Doubt::kNotSeenOff));
+  };
+  lose_sight();
+  EXPECT_EQ(taken(recorded("P1")), "P2") << "recorded here";
+  siu(-50, "S14", "A", "P1", time(0), "AIP|1|U|77^Sato\r");
+  EXPECT_EQ(taken(), words_of(Doubt::kNotSeenOff)) << "says nothing of it";
+  siu(-40, "S13", "A", "P1", time(120), "PV1|1|I|WARD^1\r");
+  EXPECT_EQ(taken(), "P2") << "at another time";
+  EXPECT_EQ(taken({}, 125), words_of(Doubt::kNotSeenOff)) << "which has come";
+  struct End {
+    const char *event, *resources, *status;
+  };
+  for (const End& end : std::vector<End>{{"S15", "", ""},
+                                         {"S14", "", "Complete"},
+                                         {"S14", "AIL|1||SURG^OR2\r", ""},
+                                         {"S14", "AIL|1|D|SURG^OR1\r", ""}}) {
+    lose_sight();
+    siu(-50, end.event, "A", "P1", time(0), end.resources, end.status);
+    EXPECT_NE(taken(), words_of(Doubt::kNotSeenOff)) << end.event << end.resources;
+    EXPECT_NE(taken(), "P1");
+  }
+  lose_sight();
+  adt(-6, "A10", "P2", "WARD^2", "SURG^OR1");
+  EXPECT_EQ(taken(), "P2") << "an event brought them";
 }
 
 TEST(ProcedureBook, ForgetsWhatIsOldAndTheOldestOfTooMany) {

@@ -99,7 +99,10 @@ TEST_F(RoomProcedureTest, WhatWasRecordedHereIsForAPersonToChooseAgain) {
   EXPECT_EQ(room->doubt(now + 6min), Doubt::kRecordedAlready);
   EXPECT_THAT(room->list(now), testing::SizeIs(1)) << "a person chooses";
   adt("A02", "W1");
-  EXPECT_EQ(room->find(now + 6min).value_or(ProcedureData()).patient_id, "W1") << "who is there is there";
+  EXPECT_EQ(room->doubt(now + 6min), Doubt::kRecordedHere) << "it may be told late";
+  adt("A03", "W1");
+  adt("A02", "W1");
+  EXPECT_EQ(room->find(now + 6min).value_or(ProcedureData()).patient_id, "W1") << "who came again is there";
 }
 
 /// Without a worklist.
@@ -167,6 +170,25 @@ TEST_F(RoomOfMessages, WhatWasRecordedHereLongAgoMayBeMeant) {
   EXPECT_TRUE(room.find(now)) << "another without a time";
   room.ended(*about, now - 11h);
   EXPECT_EQ(room.doubt(now), Doubt::kRecordedAlready);
+}
+
+// Whoever is signed off late is in the room, as far as messages say, when the next one's case begins.
+TEST_F(RoomOfMessages, WhoeverWasRecordedSinceTheyCameIsNotTakenForTheNextOne) {
+  const UtcTime now = utc_now();
+  move("P", "OR1");
+  book("Q", now + 13min);
+  const std::optional<ProcedureData> about = room.find(now);
+  ASSERT_TRUE(about);
+  EXPECT_EQ(about->patient_id, "P");
+  room.ended(*about, now + 1min);
+  EXPECT_EQ(room.find(now + 5min).value_or(ProcedureData()).patient_id, "P") << "it goes on after a pause";
+  EXPECT_EQ(room.find(now + 12min), std::nullopt);
+  EXPECT_EQ(room.doubt(now + 12min), Doubt::kRecordedHere);
+  room.ended(*about, now + 11min);
+  EXPECT_EQ(room.find(now + 12min).value_or(ProcedureData()).patient_id, "P") << "it went on";
+  EXPECT_EQ(room.doubt(now + 22min), Doubt::kRecordedHere);
+  move("P", "PACU");
+  EXPECT_EQ(room.find(now + 22min).value_or(ProcedureData()).patient_id, "Q");
 }
 
 // Also where it starts anew between two cases.
