@@ -55,9 +55,10 @@ std::string count_text(std::uint64_t count, Medium medium) {
          std::to_string(light::kSoundPeriodSeconds) + " s";
 }
 
-/// One sentence that answers.
-std::string answer_text(const light::LightReport& report) {
-  switch (report.answer) {
+/// One sentence that answers. `is_whole`: every segment that is there could be looked at.
+std::string answer_text(const light::LightReport& report, bool is_whole) {
+  const bool agrees_in_part = report.answer == LightAnswer::kAgrees && !is_whole;
+  switch (agrees_in_part ? LightAnswer::kInPart : report.answer) {
     case LightAnswer::kAgrees:
       return "light and ledger agree: the pictures show the codes that this ledger had in their seconds, so "
              "they were finished after its lines of then were written";
@@ -81,7 +82,9 @@ bool shows_codes(const light::LightReport& report) {
 }
 
 std::string answer_text(const media::StreamSound& sound) {
-  switch (sound.light.report.answer) {
+  const light::LightReport& report = sound.light.report;
+  const bool agrees_in_part = report.answer == LightAnswer::kAgrees && sound.light.unread_segments > 0;
+  switch (agrees_in_part ? LightAnswer::kInPart : report.answer) {
     case LightAnswer::kAgrees:
       return "sound and ledger agree: the sound carries the codes that this ledger had then, so it was "
              "finished after its lines of then were written";
@@ -323,7 +326,7 @@ LightOutcome read(const std::optional<Home>& home, const LightQuestion& question
     const auto update = [&](std::uint64_t done, std::uint64_t total) { progress.update(done, total); };
     const media::StreamLight stream = media::read_light(recording, ledger, name, identities, update);
     progress.clear();
-    const std::string answer = answer_text(stream.report);
+    const std::string answer = answer_text(stream.report, stream.unread_segments == 0);
     outcome.text +=
         "Light in stream " + name + ": " + text_of(question, stream, Medium::kPictures, answer, begins_ns);
     streams.push_back(json_of(question, name, stream, Medium::kPictures, answer));

@@ -28,6 +28,12 @@ std::optional<std::string_view> media_of_profile(std::string_view profile) {
   return found == kProfiles.end() ? std::nullopt : std::optional(found->second);
 }
 
+MediaUnit unit_of_media(std::string_view media) {
+  if (media == kTransportStream) return {"1/90000", 90'000};
+  if (media == kMatroska) return {"1/1000", 1'000};
+  return {"1/1000000000", 1'000'000'000};
+}
+
 bool is_of_the_format(const StreamInfo& stream) {
   if (stream.kind == "video") return media_of_profile(stream.profile) == stream.media;
   const bool has_lines = stream.kind == "vitals" || stream.kind == "events";

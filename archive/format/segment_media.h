@@ -3,6 +3,7 @@
 // thread-safe.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,6 +16,13 @@ namespace kiroku::archive {
 /// "video/mp2t" of "mpeg2", "video/x-matroska" of "uncompressed" and "lossless"; nothing of any other
 /// profile.
 std::optional<std::string_view> media_of_profile(std::string_view profile);
+
+/// The unit of the time stamps of such media, as entries state it (docs/reference/format.md, `segment`).
+struct MediaUnit {
+  std::string_view time_base;  // "1/90000"
+  std::int64_t per_second = 0;
+};
+MediaUnit unit_of_media(std::string_view media);
 
 /// Whether the format has a stream of such a kind, media and profile (docs/reference/format.md, `open`).
 bool is_of_the_format(const StreamInfo& stream);

@@ -389,7 +389,12 @@ std::optional<FileChecker::LookedInside> FileChecker::look_inside(const FileJob&
     return LookedInside::kDecrypted;
   }
   if (const auto problem = options_->inspect(*job.stream, *job.segment, sealed, *options_->identities)) {
-    findings_->add("segment-undecodable", place, job.expected.file + ": " + *problem);
+    const std::string text = job.expected.file + ": " + problem->text;
+    if (problem->is_late) {
+      findings_->add("segment-times-late", place, text);
+    } else {
+      findings_->add("segment-undecodable", place, text);
+    }
     return LookedInside::kDecrypted;
   }
   // Of others nobody states how many frames must come out of them.

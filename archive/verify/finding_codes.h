@@ -181,6 +181,11 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"segment-name-differs", Severity::kTampered, "a segment's file is not named by its stream and index"},
     {"segment-out-of-order", Severity::kTampered, "a segment's index is not the next of its stream"},
     {"segment-overlap", Severity::kTampered, "a segment begins before the one before it ends"},
+    {"segment-times-differ", Severity::kTampered,
+     "a segment is stated to be stamped in another order, unit or time than any recorder stamps it"},
+    {"segment-times-late", Severity::kUnproven,
+     "by the time stamps that are stated, pictures of a stream lie otherwise on the case clock than by the "
+     "times that are stated, beyond what a burst of pictures explains"},
     {"segment-hole", Severity::kTampered,
      "time between two segments of a stream that no gap accounts for, in one piece or in many seams"},
     {"stream-for-nobody", Severity::kUnproven,

@@ -45,7 +45,8 @@ StreamRules::StreamRules(StreamInfo info, bool whole_case, FindingList& findings
       of_marks_(info_->kind == "events" && !of_pictures_),
       whole_case_(whole_case),
       from_open_(whole_case),
-      findings_(&findings) {
+      findings_(&findings),
+      times_(*info_, findings) {
   report_.info = *info_;
   if (whole_case_) {
     next_index_ = 0;
@@ -81,6 +82,7 @@ bool StreamRules::take(const SegmentEntry& segment, std::uint64_t entry) {
   first_index_ = first_index_.value_or(segment.index);
   next_index_ = segment.index + 1;
   check_seam(segment, entry);
+  if (named) times_.take(segment, entry, interrupted_);
 
   if (cut_) {
     findings_->add("segment-cut-unexplained", {cut_->file, cut_->entry},

@@ -29,6 +29,7 @@
 #include "archive/format/ledger_entry.h"
 #include "archive/verify/finding_list.h"
 #include "archive/verify/report.h"
+#include "archive/verify/segment_times.h"
 
 namespace kiroku::archive {
 
@@ -167,6 +168,7 @@ class StreamRules {
   bool whole_case_;
   bool from_open_;  // a whole case, or an excerpt that leaves nothing out behind `open`
   FindingList* findings_;
+  SegmentTimes times_;
   std::optional<std::uint64_t> first_index_, next_index_;
   IndexRanges entered_, entered_parts_;  // indexes of complete segments and of others
   std::optional<std::int64_t> end_ns_;

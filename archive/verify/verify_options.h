@@ -19,10 +19,18 @@
 
 namespace kiroku::archive {
 
-/// Decrypts and looks at one segment: returns a sentence if it does not decode to what the entry states. Only
+/// What does not hold of a segment that decrypts.
+struct InspectionProblem {
+  std::string text;  // one sentence
+  /// Its pictures are stamped later than a recorder stamps them, and an older one may have
+  /// (archive/verify/segment_times.h): `segment-times-late`, not `segment-undecodable`.
+  bool is_late = false;
+};
+
+/// Decrypts and looks at one segment: returns what does not decode to what the entry states. Only
 /// bytes whose hash the entry states come out of `sealed`, which throws crypto::SourceChanged otherwise.
 /// Given by the full program, which has decoders; the small verifier has none. Called from several threads.
-using SegmentInspector = std::function<std::optional<std::string>(
+using SegmentInspector = std::function<std::optional<InspectionProblem>(
     const StreamInfo&, const SegmentEntry&, const crypto::ByteSource& sealed, const crypto::AgeIdentities&)>;
 
 /// A signed note that somebody kept outside what is verified, and what it is called in findings.

@@ -96,8 +96,8 @@ class Export {
         segments_(segments_of(recording, options)),
         media_(segments_.empty() ? stream_.media : archive::media_of(stream_, segments_.front())),
         form_(form_of(stream_, media_, options.output)) {
-    const auto offsets = stamp_offsets(stream_, recording.segments(options.stream, INT64_MIN, INT64_MAX));
-    if (const auto found = offsets.find(media_); found != offsets.end()) offset_ = found->second;
+    offset_ =
+        StreamClock(stream_, recording.segments(options.stream, INT64_MIN, INT64_MAX)).constant_of(media_);
     if (segments_.empty()) {
       throw UsageError("stream '" + options.stream + "' has nothing recorded in that time");
     }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <optional>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <nlohmann/json.hpp>
@@ -41,7 +42,7 @@ class StreamReading {
   StreamLight run(const LightProgress& progress) {
     const std::vector<archive::SegmentEntry> segments =
         recording_.segments(stream_.name, INT64_MIN, INT64_MAX);
-    offsets_ = stamp_offsets(stream_, segments);
+    clock_ = StreamClock(stream_, segments);
     StreamLight result;
     for (const archive::SegmentEntry& segment : segments) {
       ++result.segments;
@@ -65,9 +66,8 @@ class StreamReading {
  private:
   void read(const archive::SegmentEntry& segment) {
     const std::string media = archive::media_of(stream_, segment);
-    const auto offset = offsets_.find(media);
-    if (offset == offsets_.end())
-      throw Error("no entry says when the pictures of " + segment.file.file + " are from");
+    const std::optional<Ticks> offset = clock_.offset_of(segment);
+    if (!offset) throw Error("no entry says when the pictures of " + segment.file.file + " are from");
     const SealedSegment plain = SealedSegment::open(folder_, segment, identities_);
     Bytes said;
     const json asked{{"media", media},
@@ -81,26 +81,39 @@ class StreamReading {
     });
     if (const auto places = answer.find("places"); places != answer.end()) places_ = places_of(*places);
     const bool wraps = media == "video/mp2t";
+    const Ticks ledger_time = ticks_of_ns(segment.span.start_ns);
+    std::vector<std::pair<Ticks, ReadPicture>> pictures;  // with the time since the segment's beginning
     std::string_view text = text_of(said);
     for (std::size_t end = text.find('\n'); end != std::string_view::npos; end = text.find('\n')) {
-      const std::optional<ReadPicture> picture = picture_of(text.substr(0, end));
+      std::optional<ReadPicture> picture = picture_of(text.substr(0, end));
       if (!picture)
         throw MediaError("the media of " + segment.file.file +
                          " cannot be decoded: the decoder says what it may not");
       text.remove_prefix(end + 1);
-      const Ticks ledger_time = ticks_of_ns(segment.span.start_ns);
       // What a ledger states of its first picture may be anything.
-      const Ticks since =
-          std::clamp(picture->stamp - offset->second - ledger_time, -kFurthestStamp, kFurthestStamp);
-      judge_.add(ns_of_ticks(ledger_time + (wraps ? unwrapped(since) : since)), picture->sightings);
+      const Ticks since = std::clamp(picture->stamp - *offset - ledger_time, -kFurthestStamp, kFurthestStamp);
+      pictures.emplace_back(wraps ? unwrapped(since) : since, std::move(*picture));
     }
+    for (const auto& [since, picture] : pictures) {
+      if (!may_lie(segment, since, pictures.size()))
+        throw Error("a picture of " + segment.file.file + " is stamped " + seconds_text(since) +
+                    " after its segment begins, which by the ledger lasts " +
+                    seconds_text(ticks_of_ns(segment.span.end_ns) - ledger_time) +
+                    ": it was recorded at another time, or not by a recorder");
+    }
+    for (const auto& [since, picture] : pictures)
+      judge_.add(ns_of_ticks(ledger_time + since), picture.sightings);
+  }
+
+  static std::string seconds_text(Ticks ticks) {
+    return std::to_string(static_cast<double>(ticks) / double{kTicksPerSecond}) + " s";
   }
 
   const archive::CaseReader& recording_;
   const archive::CaseFolder folder_;
   const archive::StreamInfo& stream_;
   const crypto::AgeIdentities& identities_;
-  std::map<std::string, Ticks> offsets_;
+  StreamClock clock_;
   light::LightJudge judge_;
   BoxPool boxes_;
   std::vector<light::Place> places_;

@@ -141,8 +141,17 @@ class Converter {
 /// Puts the sound of one segment into the row.
 class SegmentSound {
  public:
-  SegmentSound(SegmentInput& input, AVStream& stream, std::string name, Ticks from, bool wraps, SoundRow& row)
-      : input_(input), stream_(stream), name_(std::move(name)), from_(from), wraps_(wraps), row_(row) {
+  /// Sound that is stamped before `earliest` or after `latest`, since `from`, is of another time.
+  SegmentSound(SegmentInput& input, AVStream& stream, std::string name, Ticks from, Ticks earliest,
+               Ticks latest, bool wraps, SoundRow& row)
+      : input_(input),
+        stream_(stream),
+        name_(std::move(name)),
+        from_(from),
+        earliest_(earliest),
+        latest_(latest),
+        wraps_(wraps),
+        row_(row) {
     const AVCodec* const decoder = avcodec_find_decoder(stream.codecpar->codec_id);
     if (decoder == nullptr)
       throw MediaError("the sound of " + name_ + " is of a kind that this libavcodec cannot decode");
@@ -190,8 +199,11 @@ class SegmentSound {
         // What the media and the ledger state may be anything.
         const Ticks stamp = bounded(av_rescale_q(frame->pts, stream_.time_base, {1, kTicksPerSecond}));
         const Ticks since = bounded(stamp - from_);
-        const std::int64_t at =
-            av_rescale(wraps_ ? unwrapped(since) : since, SoundFinder::kRate, kTicksPerSecond);
+        const Ticks when = wraps_ ? unwrapped(since) : since;
+        if (when < earliest_ || when > latest_)
+          throw MediaError("the sound of " + name_ +
+                           " is stamped outside the time that the ledger states of it");
+        const std::int64_t at = av_rescale(when, SoundFinder::kRate, kTicksPerSecond);
         // Containers state times to a millisecond; what is further away is no more of the same run.
         constexpr std::int64_t kApart = SoundFinder::kRate / 50;
         if (!converter_ || !converter_->takes(*frame) || std::abs(at - expected_) > kApart) {
@@ -253,7 +265,7 @@ class SegmentSound {
   SegmentInput& input_;
   AVStream& stream_;
   const std::string name_;
-  const Ticks from_;
+  const Ticks from_, earliest_, latest_;
   const bool wraps_;
   SoundRow& row_;
   Codec codec_;
@@ -295,7 +307,8 @@ nlohmann::json read_sound_in_box(const nlohmann::json& with, JobSegments& segmen
       if (AVStream* const stream = input.sound(); stream != nullptr) {
         rate = stream->codecpar->sample_rate;
         if (rate >= kLeastRate)
-          SegmentSound(input, *stream, name, asked.at("from").get<Ticks>(), media == "video/mp2t", row)
+          SegmentSound(input, *stream, name, asked.at("from").get<Ticks>(), asked.at("earliest").get<Ticks>(),
+                       asked.at("latest").get<Ticks>(), media == "video/mp2t", row)
               .read();
       }
     } catch (const MediaError&) {

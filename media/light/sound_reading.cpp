@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <list>
-#include <map>
 #include <optional>
 #include <set>
 #include <string_view>
@@ -33,6 +32,8 @@ constexpr std::int64_t kSecondNs = 1'000'000'000;
 constexpr std::int64_t kPeriodNs = light::kSoundPeriodSeconds * kSecondNs;
 // A code is shorter than a period; sound may stand in the segment before that of its time, or behind it.
 constexpr std::int64_t kTailNs = kPeriodNs + kSecondNs, kAheadNs = kSecondNs;
+/// Sound stands so far at most outside the time of its segment: where it waited for pictures, or for a burst.
+constexpr std::int64_t kAstrayNs = 3 * kSecondNs;
 /// No recorder writes a longer segment. What a ledger states may be anything, and each window costs time.
 constexpr std::int64_t kLongestSegmentNs = 3'600 * kSecondNs;
 /// Of a minute: a line for each window and each thing that may be a code.
@@ -51,7 +52,7 @@ class SoundReading {
         stream_(stream),
         identities_(identities),
         segments_(recording.segments(stream.name, INT64_MIN, INT64_MAX)),
-        offsets_(stamp_offsets(stream, segments_)),
+        clock_(stream, segments_),
         judge_(ledger, light::kSoundPeriodSeconds) {}
 
   StreamSound run(const LightProgress& progress) {
@@ -82,6 +83,10 @@ class SoundReading {
  private:
   static std::int64_t end_of(const archive::SegmentEntry& segment) {
     return std::min(segment.span.end_ns, segment.span.start_ns + kLongestSegmentNs);
+  }
+  static std::int64_t latest_in(const archive::SegmentEntry& segment) {
+    const std::int64_t estimated_ns = segment.counted ? 0 : kLatestAfterEstimateNs;
+    return segment.span.end_ns + kAstrayNs + estimated_ns;
   }
   void note_unread(const archive::SegmentEntry& segment, const std::string& why) {
     if (unread_.insert(segment.file.file).second && unread_.size() == 1) result_.light.why_unread = why;
@@ -126,17 +131,18 @@ class SoundReading {
       }
       try {
         const std::string media = archive::media_of(stream_, segment);
-        const auto offset = offsets_.find(media);
-        if (offset == offsets_.end())
-          throw Error("no entry says when the sound of " + segment.file.file + " is from");
+        const std::optional<Ticks> offset = clock_.offset_of(segment);
+        if (!offset) throw Error("no entry says when the sound of " + segment.file.file + " is from");
         // What a ledger states of its first picture may be anything.
-        const Ticks apart = std::clamp(offset->second, -kFurthestStamp, kFurthestStamp);
+        const Ticks apart = std::clamp(*offset, -kFurthestStamp, kFurthestStamp);
         opened.push_back(SealedSegment::open(folder_, segment, identities_));
         entries.push_back(&segment);
         asked_segments.push_back({{"media", media},
                                   {"name", segment.file.file},
                                   {"complete", segment.complete},
-                                  {"from", ticks_of_ns(begin_ns) + apart}});
+                                  {"from", ticks_of_ns(begin_ns) + apart},
+                                  {"earliest", ticks_of_ns(segment.span.start_ns - begin_ns - kAstrayNs)},
+                                  {"latest", ticks_of_ns(latest_in(segment) - begin_ns)}});
       } catch (const IoError&) {
         throw;
       } catch (const Error& error) {
@@ -188,7 +194,9 @@ class SoundReading {
     for (const std::int64_t number : whole_numbers("damaged")) {
       if (number < 0 || number >= static_cast<std::int64_t>(entries.size())) continue;
       const archive::SegmentEntry& segment = *entries[static_cast<std::size_t>(number)];
-      note_unread(segment, "the sound of " + segment.file.file + " cannot be decoded to its end");
+      note_unread(segment, "the sound of " + segment.file.file +
+                               " cannot be decoded to its end, or is stamped "
+                               "outside the time that the ledger states of it");
       if (counted_.contains(segment.file.file)) unheard_.insert(segment.file.file);
     }
   }
@@ -230,7 +238,7 @@ class SoundReading {
   const archive::StreamInfo& stream_;
   const crypto::AgeIdentities& identities_;
   const std::vector<archive::SegmentEntry> segments_;
-  const std::map<std::string, Ticks> offsets_;
+  const StreamClock clock_;
   light::LightJudge judge_;
   BoxPool boxes_;
   std::vector<int> phases_;

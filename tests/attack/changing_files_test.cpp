@@ -46,9 +46,9 @@ class AttackWhileReading : public testing::Test {
   }
   /// Decrypts all, as a decoder would.
   archive::SegmentInspector reading(bool pass_over_errors = false) {
-    return [this, pass_over_errors](const archive::StreamInfo&, const archive::SegmentEntry&,
-                                    const crypto::ByteSource& sealed,
-                                    const crypto::AgeIdentities& identities) -> std::optional<std::string> {
+    return [this, pass_over_errors](
+               const archive::StreamInfo&, const archive::SegmentEntry&, const crypto::ByteSource& sealed,
+               const crypto::AgeIdentities& identities) -> std::optional<archive::InspectionProblem> {
       try {
         shown_.clear();
         crypto::AgeFile::open(sealed, identities).read_all([&](ByteView piece) { append(shown_, piece); });

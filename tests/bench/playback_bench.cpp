@@ -184,6 +184,7 @@ fs::path record_vitals(const fs::path& archive, const crypto::AgeRecipients& rec
     entry.file = segment->commit();
     entry.span = {index * kSegmentNs, end_ns};
     entry.time_base = "1/1000000000";
+    entry.first_pts = entry.span.start_ns;
     entry.frames = kWaves + 1;
     entry.counts_samples = true;
     writer->append({entry}, {opened + std::chrono::microseconds(end_ns / 1000), end_ns});

@@ -118,7 +118,8 @@ void record(FileSystem& files, SampleArchive& archive) {
   entry.index = 3;
   entry.file = begun->commit();
   entry.span = {6 * kSecond, 6'900'000'000};
-  entry.time_base = "1/1000";
+  entry.time_base = "1/90000";
+  entry.first_pts = 540'000;
   entry.frames = 20;
   sample.writer().append({entry}, archive.now());
   sample.close();

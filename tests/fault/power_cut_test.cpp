@@ -360,7 +360,8 @@ class WriterLosesPower : public PowerCutStory {
       entry.file = begun->commit();
       entry.span.start_ns = static_cast<std::int64_t>(2 * index) * kSecond;
       entry.span.end_ns = entry.span.start_ns + 2 * kSecond;
-      entry.time_base = "1/1000";
+      entry.time_base = "1/90000";
+      entry.first_pts = static_cast<std::int64_t>(index) * 180'000;
       entry.frames = 50;
       waiting.emplace_back(std::move(entry));
       archive_.now_ns = static_cast<std::int64_t>(2 * index + 2) * kSecond;
@@ -558,7 +559,8 @@ TEST_F(CutSegment, AChunkThatDoesNotOpenIsTamperingWhereARecorderEnteredIt) {
   entry.index = 3;
   entry.file = *begun->salvage();
   entry.span = {6'000'000'000, 7'000'000'000};
-  entry.time_base = "1/1000";
+  entry.time_base = "1/90000";
+  entry.first_pts = 540'000;
   entry.frames = 20;
   entry.complete = false;
   sample.writer().append({entry}, archive_.now());

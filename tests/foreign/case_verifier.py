@@ -25,6 +25,8 @@ MOST_IN_SEAMS, LONGEST_BLINDNESS, MOST_FOUND = 100_000_000, 5 * SECOND, 64
 SEAM, LATE_BEGIN, EARLY_END, FUTURE, GAP_BEYOND_END = 1_000_000, 2 * SECOND, 10 * SECOND, 2 * SECOND, 2 * SECOND
 LONGEST_SEGMENT, LONGEST_SILENCE, WALL_CLOCK, FIRST_STAMP_LATE = 11 * SECOND, 60 * SECOND, 60 * SECOND, 120 * SECOND
 LARGEST_SEALED, LARGEST_TOKEN = 1 << 30, 1 << 20
+LATEST_STAMP = 1_100_000_000     # a picture of a burst may be stamped so much later than it came
+UNITS = {"video/mp2t": 90_000, "video/x-matroska": 1_000, "application/jsonl": SECOND}    # of time stamps, in a second
 EXTENSIONS = {"video/mp2t": "ts", "video/x-matroska": "mkv", "application/jsonl": "jsonl"}
 CONTAINERS = {"mpeg2": "ts", "uncompressed": "mkv", "lossless": "mkv"}
 FORMS = ([("video", "video/mp2t", "mpeg2")] + [("video", "video/x-matroska", profile) for profile in ("uncompressed", "lossless")]
@@ -46,6 +48,7 @@ class Stream:
         self.holes, self.gaps, self.fillings, self.with_pictures, self.erased = [], [], [], [], []
         self.taken, self.empty = [], []    # (start, end, whether it holds no picture); such ones in a row
         self.told_empty, self.found = False, 0
+        self.containers, self.told_times = {}, set()
         self.silence = None
         self.longest_silence = self.latest_gap = 0
         self.entered = set()
@@ -91,6 +94,8 @@ class Stream:
             elif begin > self.end + SEAM:
                 self.holes.append((self.end, begin))
         self.end = max(self.end or 0, end)
+        if counted and named:
+            self._check_times(segment)
         if self.cut:
             report("segment-cut-unexplained", self.cut)
             self.cut = None
@@ -120,6 +125,40 @@ class Stream:
             return False
         self.entered.add((segment["complete"], index))
         return True
+
+    def _check_times(self, segment):
+        """Whether the time stamps that are stated run as the times do."""
+        def tell(code, place):
+            if code not in self.told_times:
+                self.told_times.add(code)
+                self.report(code, place)
+        media = next(m for m, e in EXTENSIONS.items() if e == self._extension_of(segment))
+        a_second = UNITS[media]
+        first, start = segment["first_pts"], (segment["start_ns"] * a_second + SECOND // 2) // SECOND
+        if segment["time_base"] != f"1/{a_second}" or not self.of_pictures and first != segment["start_ns"]:
+            tell("segment-times-differ", segment["file"])
+            return
+        if not self.of_pictures:
+            return
+        of, spread, latest = self.containers.get(media), LATEST_STAMP * a_second // SECOND, start + LATEST_STAMP * a_second // SECOND
+        if of and not self.interrupted and not -spread <= first - of["first"] <= start - of["start"] + spread + of["pictures"] * a_second // 2:
+            tell("segment-times-differ", segment["file"])
+        if of:
+            latest = max(latest, of["latest"] + of["pictures"])
+        offset = first - start
+        lowest, floor = min(of["lowest"] if of else offset, offset), max(of["floor"] if of else offset + start - latest, offset + start - latest)
+        if floor > lowest + 2:
+            tell("segment-times-late", self.info["name"])
+        self.containers[media] = {"first": first, "start": start, "latest": latest, "lowest": lowest, "floor": floor,
+                                  "pictures": min(segment.get("frames", segment.get("samples", 0)) + segment["dropped"], 1 << 32)}
+
+    def _extension_of(self, segment):
+        """By its file's name, if it is one of those that the stream may have."""
+        if self.info["kind"] == "video":
+            for extension in ("ts", "mkv"):
+                if segment["file"].endswith((f".{extension}.age", f".{extension}.age.part")):
+                    return extension
+        return EXTENSIONS[self.info["media"]]
 
     def _fill(self, segment, frames, counted, duration):
         if self.of_pictures and segment["complete"] and counted and duration > 0:

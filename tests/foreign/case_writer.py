@@ -96,7 +96,8 @@ class Case:
         extension = extension or {"video/mp2t": "ts", "video/x-matroska": "mkv", "application/jsonl": "jsonl"}[info["media"]]
         path = f"segments/{stream}/{index:08d}.{extension}.age" + ("" if complete else ".part")
         pictures = info["kind"] == "video"
-        clock = {"first_pts": start_ns * 9 // 100_000, "time_base": "1/90000"} if pictures else {"first_pts": start_ns, "time_base": "1/1000000000"}
+        a_second = {"ts": 90_000, "mkv": 1_000, "jsonl": SECOND}[extension]
+        clock = {"first_pts": start_ns * a_second // SECOND, "time_base": f"1/{a_second}"}
         return self.add("segment", end_ns + 20 * MS if mono_ns is None else mono_ns, stream=stream, index=index,
                         **self.file(path, data), start_ns=start_ns, end_ns=end_ns, **clock,
                         **{"frames" if pictures else "samples": count}, dropped=0, complete=complete, **more)

@@ -449,6 +449,7 @@ def ahead(world):
         if isinstance(step, Entry) and step.type == "segment":
             step.fields["start_ns"] += later
             step.fields["end_ns"] += later
+            step.fields["first_pts"] += 3600 * int(step.fields["time_base"].partition("/")[2])
     case.steps[0].fields["begins_ns"] = 1
     return case
 
@@ -1516,7 +1517,7 @@ def profile_changed(world):
     case = world.sound()
     entry = case.find("segment", 2)
     data = case.files.pop(entry.fields["file"])
-    entry.fields |= {"profile": "lossless", **case.file("segments/endoscope/00000001.mkv.age", data)}
+    entry.fields |= {"profile": "lossless", "time_base": "1/1000", "first_pts": 5_000, **case.file("segments/endoscope/00000001.mkv.age", data)}
     return world.write(case)
 
 
@@ -1541,7 +1542,70 @@ def seams_of_a_millisecond(world):
     case = world.sound()
     case.find("segment", 2).fields["start_ns"] += MS
     case.find("segment", 3).fields["start_ns"] -= MS
+    case.find("segment", 3).fields["first_pts"] -= MS
     return world.write(case)
+
+
+def stamped(world, stamps, seconds=5):
+    """Segments of film of five seconds, first stamped so; by their times they follow one another."""
+    case, n = world.begin(), len(stamps)
+    for i, stamp_s in enumerate(stamps):
+        of = case.segment("endoscope", i, i * seconds * SECOND, (i + 1) * seconds * SECOND, world.seal("endoscope 0", b"endoscope 0\n"), 125, mono_ns=n * seconds * SECOND)
+        of.fields["first_pts"] = int(stamp_s * 90_000)
+        case.segment("vitals", i, i * seconds * SECOND, (i + 1) * seconds * SECOND, world.seal("vitals 0", b"vitals 0\n"), 5, mono_ns=n * seconds * SECOND)
+    return world.end(case, n * seconds * SECOND + 40 * MS)
+
+
+@reaches("segment-times-differ", "segment-times-late")
+def segments_that_change_places_by_their_stamps(world):
+    return world.write(stamped(world, [0, 10, 5, 15]))
+
+
+@reaches("segment-times-differ", "segment-times-late")
+def film_moved_by_minutes(world):
+    return world.write(stamped(world, [0, 5, 310, 315]))
+
+
+@reaches("segment-times-late")
+def film_moved_by_seconds(world):
+    """An older recorder may have stamped so."""
+    return world.write(stamped(world, [0, 5, 20, 25]), never=["segment-times-differ"])
+
+
+@reaches("segment-times-late")
+def a_segment_stamped_a_second_and_a_half_late(world):
+    return world.write(stamped(world, [0, 5, 11.5, 15]), never=["segment-times-differ"])
+
+
+@reaches()
+def bursts_of_a_second(world):
+    return world.write(stamped(world, [0.5, 6.5, 11.2, 15.5]), never=["segment-times-differ", "segment-times-late"])
+
+
+@reaches()
+def stamps_with_another_constant(world):
+    return world.write(stamped(world, [1000, 1005, 1010, 1015]), never=["segment-times-differ", "segment-times-late"])
+
+
+@reaches("segment-times-differ")
+def another_unit_of_stamps(world):
+    case = world.sound()
+    case.find("segment", 2).fields.update(time_base="1/1000", first_pts=5000)
+    return world.write(case, never=["segment-times-late"])
+
+
+@reaches("segment-times-differ")
+def vital_signs_that_begin_elsewhere(world):
+    case = world.sound()
+    case.find("segment", 3).fields["first_pts"] += 1
+    return world.write(case)
+
+
+@reaches("segment-times-late", "gap")
+def an_earlier_stamp_behind_a_gap(world):
+    case = stamped(world, [0, 10, 5, 15])
+    case.steps.insert(case.steps.index(case.find("segment", 4)), Entry("gap", 20 * SECOND, {"stream": "endoscope", "start_ns": 10 * SECOND, "end_ns": 10 * SECOND, "cause": "interrupted"}))
+    return world.write(case, never=["segment-times-differ"])
 
 
 @reaches("segment-hole")

@@ -79,7 +79,9 @@ SegmentEntry commit_segment(CaseWriter& writer, std::size_t stream, const std::s
   entry.index = index;
   entry.span = {static_cast<std::int64_t>(index) * 2'000'000'000,
                 static_cast<std::int64_t>(index + 1) * 2'000'000'000};
-  entry.time_base = "1/90000";
+  const bool has_lines = name != "endoscope" && name != "room";
+  entry.time_base = has_lines ? "1/1000000000" : "1/90000";
+  entry.first_pts = has_lines ? entry.span.start_ns : static_cast<std::int64_t>(index) * 180'000;
   entry.frames = 50;
   entry.dropped = index;
   return entry;

@@ -661,6 +661,7 @@ archive::SegmentEntry HostileCase::next_segment(bool present) {
   segment.span = {static_cast<std::int64_t>(segment.index) * kSecond,
                   static_cast<std::int64_t>(segment.index + 1) * kSecond};
   segment.time_base = "1/90000";
+  segment.first_pts = static_cast<std::int64_t>(segment.index) * 90'000;
   if (present) {
     file(segment.file.file, "");
     segment.file.sha256 = crypto::sha256({});

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "archive/format/segment_media.h"
 #include "archive/storage/file_system.h"
 #include "archive/writing/case_writer.h"
 #include "crypto/signing_key.h"
@@ -32,9 +33,10 @@ archive::SegmentEntry write_segment(archive::CaseWriter& writer, const std::vect
   }
   const std::int64_t start = start_of(stream, index);
   entry.span = {start, start + kSecondNs};
-  entry.time_base = "1/90000";
-  entry.first_pts =
-      stream.first_pts.empty() ? static_cast<std::int64_t>(index) * 90'000 : stream.first_pts.at(index);
+  const archive::MediaUnit unit = archive::unit_of_media(stream.media);
+  entry.time_base = unit.time_base;
+  entry.first_pts = stream.first_pts.empty() ? static_cast<std::int64_t>(index) * unit.per_second
+                                             : stream.first_pts.at(index);
   entry.frames = stream.units[index];
   entry.counts_samples = stream.kind == "vitals";
   return entry;

@@ -147,8 +147,8 @@ archive::SegmentEntry SampleCase::segment(std::size_t stream, std::uint64_t inde
   entry.index = index;
   entry.file = writer->commit();
   entry.span = span;
-  entry.first_pts = span.start_ns / 1'000'000;
-  entry.time_base = "1/1000";
+  entry.first_pts = stream == 0 ? span.start_ns / 100'000 * 9 : span.start_ns;
+  entry.time_base = stream == 0 ? "1/90000" : "1/1000000000";
   entry.frames = 50;
   entry.counts_samples = stream == 1;
   return entry;

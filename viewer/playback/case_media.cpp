@@ -19,7 +19,7 @@ VideoIndex index_of(const archive::CaseReader& recording, const archive::StreamI
   VideoIndex index;
   index.stream = stream;
   std::vector<archive::SegmentEntry> segments = recording.segments(stream.name, INT64_MIN, INT64_MAX);
-  const std::map<std::string, Ticks> offsets = media::stamp_offsets(stream, segments);
+  const media::StreamClock clock(stream, segments);
   std::string profile_before;
   std::int64_t before_ended_ns = INT64_MIN;
   for (archive::SegmentEntry& segment : segments) {
@@ -27,8 +27,7 @@ VideoIndex index_of(const archive::CaseReader& recording, const archive::StreamI
     if (recording.erasure_of(segment) == nullptr) {
       IndexedSegment indexed;
       const auto first = media::first_picture_of(segment);
-      const auto offset = offsets.find(archive::media_of(stream, segment));
-      if (offset != offsets.end()) indexed.offset = offset->second;
+      indexed.offset = clock.offset_of(segment);
       indexed.start = first ? first->stamp - *indexed.offset : ticks_of_ns(segment.span.start_ns);
       indexed.end = ticks_of_ns(end_ns) + (segment.counted ? kLongestSpread : kLongestEstimate);
       indexed.begins_run = index.segments.empty() || segment.span.start_ns != before_ended_ns ||

@@ -15,7 +15,7 @@ namespace {
 
 /// A segment found by recovery begins at or after where its stream was accounted for, and not days later.
 constexpr Ticks kEarliestBeforeEstimate = ticks_of_ns(media::kEarliestBeforeEstimateNs);
-constexpr Ticks kLatestAfterEstimate = 3600 * kTicksPerSecond;
+constexpr Ticks kLatestAfterEstimate = ticks_of_ns(media::kLatestAfterEstimateNs);
 
 Ticks ticks_of(std::int64_t stamp, const AVStream& stream) {
   return av_rescale_q(stamp, stream.time_base, {1, kTicksPerSecond});

@@ -195,6 +195,12 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"segment-name-differs", Check::kStreams, "区間ファイルの名前が、系統と番号に合わない。"},
     {"segment-out-of-order", Check::kStreams, "区間の番号が、その系統の次の番号でない。"},
     {"segment-overlap", Check::kStreams, "区間が、前の区間の終わりより前に始まっている。"},
+    {"segment-times-differ", Check::kStreams,
+     "区間の時刻印の記載が、どの記録装置も付けない順序・単位・時刻である。"},
+    {"segment-times-late", Check::kStreams,
+     "記載または復号された時刻印によると、映像が記載の時刻と異なる位置にあり、まとめて届いた映像では説明でき"
+     "ない"
+     "。"},
     {"segment-hole", Check::kStreams,
      "同じ系統の区間の間に、欠落の記載のない空白がある（一つの空白、または多くの継ぎ目の合計）。"},
     {"stream-for-nobody", Check::kContents,

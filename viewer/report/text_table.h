@@ -366,8 +366,12 @@ inline constexpr auto kTexts = std::to_array<Text>({
      "装置ログが与えられていません。これがないと、症例全体または末尾の削除は判りません。"},
     {"check.contents", "Do the sealed pictures and vital signs open, and show what the list says?",
      "封緘された映像とバイタルサインは開け、一覧のとおりの内容か"},
-    {"check.contents.yes", "{0}: each was decrypted and decoded to as many frames as the ledger states.",
-     "{0}：いずれも復号し、台帳に記載のフレーム数どおりに再生できました。"},
+    {"check.contents.yes",
+     "{0}: each was decrypted and decoded to as many frames as the ledger states, one film from the stated "
+     "time "
+     "stamp on; vital signs are of the stated time. Whether there is sound was not asked.",
+     "{0}：いずれも復号し、台帳に記載の時刻印から、記載のフレーム数どおりに一つの映像として再生できました。"
+     "バイタルサインは記載の時間内のものです。音声の有無は確認していません。"},
     {"check.contents.of-listed",
      "Of {0} sealed files that the ledger lists, {1} are here as listed; of these {2} were decrypted, and "
      "{3} "

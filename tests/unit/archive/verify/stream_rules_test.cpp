@@ -18,12 +18,17 @@ StreamInfo monitor() {
   return {"room", "vitals", std::string(kLinesMedia), "x", "jsonl", "", {}, "arrival", "jsonl"};
 }
 
-SegmentEntry segment(std::uint64_t index, Span span) {
+SegmentEntry segment(std::uint64_t index, Span span, const std::string& extension = "ts") {
   SegmentEntry entry;
   entry.stream = "room";
   entry.index = index;
-  entry.file.file = segment_path("room", index, "ts");
+  entry.file.file = segment_path("room", index, extension);
   entry.span = span;
+  const bool is_film = extension == "ts";
+  entry.first_pts = is_film              ? (span.start_ns * 9 + 50'000) / 100'000
+                    : extension == "mkv" ? span.start_ns / kMs
+                                         : span.start_ns;
+  entry.time_base = is_film ? "1/90000" : extension == "mkv" ? "1/1000" : "1/1000000000";
   entry.frames = 1;
   return entry;
 }
@@ -626,8 +631,8 @@ TEST(StreamRules, TellsOfAMonitorThatIsSilentForMoreThanAMinute) {
     FindingList findings;
     StreamRules rules(monitor(), true, findings);
     for (int i = 0; i < 20; ++i) {
-      SegmentEntry each = segment(static_cast<std::uint64_t>(i), {i * 10 * kSecond, (i + 1) * 10 * kSecond});
-      each.file.file = segment_path("room", each.index, "jsonl");
+      SegmentEntry each =
+          segment(static_cast<std::uint64_t>(i), {i * 10 * kSecond, (i + 1) * 10 * kSecond}, "jsonl");
       each.frames = i >= 5 && i < 5 + silent ? 0 : 3;
       rules.take(each, static_cast<std::uint64_t>(i));
     }
@@ -763,9 +768,8 @@ TEST(StreamRules, ASegmentIsNamedByTheProfileThatItStates) {
   StreamRules rules(room(), true, findings);
   const auto take = [&](std::uint64_t index, const std::string& profile, const std::string& extension) {
     const auto at = static_cast<std::int64_t>(index) * 100 * kMs;
-    SegmentEntry entry = segment(index, {at, at + 100 * kMs});
+    SegmentEntry entry = segment(index, {at, at + 100 * kMs}, extension);
     entry.profile = profile;
-    entry.file.file = segment_path("room", index, extension);
     return rules.take(entry, index + 1);
   };
   EXPECT_TRUE(take(0, "", "ts"));

@@ -236,7 +236,7 @@ TEST(Verifier, SaysHowManySegmentsWereLookedInto) {
 
   options.inspect = [](const StreamInfo& stream, const SegmentEntry&, const crypto::ByteSource&,
                        const crypto::AgeIdentities&) {
-    return stream.name == "vitals" ? std::optional<std::string>("it is noise") : std::nullopt;
+    return stream.name == "vitals" ? std::optional(InspectionProblem{"it is noise"}) : std::nullopt;
   };
   report = verify_case(folder, options);
   EXPECT_EQ(report.contents->opened, 4U);

@@ -558,8 +558,10 @@ TEST_F(ReportDocument, OfACaseThatIsNotClosedSaysNotFinished) {
   EXPECT_THAT(text, HasSubstr("Closed | not closed"));
 }
 
-std::optional<std::string> finds_nothing(const archive::StreamInfo&, const archive::SegmentEntry&,
-                                         const crypto::ByteSource&, const crypto::AgeIdentities&) {
+std::optional<archive::InspectionProblem> finds_nothing(const archive::StreamInfo&,
+                                                        const archive::SegmentEntry&,
+                                                        const crypto::ByteSource&,
+                                                        const crypto::AgeIdentities&) {
   return std::nullopt;
 }
 
