@@ -241,7 +241,8 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"totals-differ", Check::kStreams,
      "終了項目の合計が、区間の合計と異なる（抜粋では、その行が示すものより少ない）。"},
     {"event-missing", Check::kContents,
-     "目印の項目が約束する出来事が、すべての出来事の区間を開いても見つからない。記録は最後まで行われている。"},
+     "目印の項目が約束する出来事が、すべての出来事の区間を開いても見つからない。記録は最後まで行われている"
+     "。"},
     {"event-not-committed", Check::kContents,
      "封印された出来事の区間に、どの目印の項目も約束していない行がある。または、約束より多く同じ行がある。"},
     {"event-time-differs", Check::kContents,
