@@ -15,7 +15,9 @@ void ProcedureBook::claim() {
     if (known == claims.end()) return false;
     const Kept& its = known->second;
     return its.received.number == kept.received.number && its.message.told == kept.message.told &&
-           its.message.planned == kept.message.planned &&
+           its.message.planned == kept.message.planned && its.message.patient == kept.message.patient &&
+           its.message.data.patient == kept.message.data.patient &&
+           its.message.data.birth_date == kept.message.data.birth_date &&
            its.message.numbers.size() == kept.message.numbers.size() && its.visits == kept.visits &&
            std::ranges::all_of(kept.since, [&](const auto& each) {
              const auto same = its.since.find(each.first);
