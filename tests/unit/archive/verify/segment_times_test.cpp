@@ -27,7 +27,7 @@ StreamInfo camera(const std::string& extension = "ts") {
           "arrival",
           extension};
 }
-StreamInfo monitor() {
+StreamInfo vital_signs() {
   return {"room", "vitals", std::string(kLinesMedia), "x", "jsonl", "", {}, "arrival", "jsonl"};
 }
 
@@ -158,8 +158,8 @@ TEST(SegmentTimes, EachContainerHasItsOwnConstant) {
 }
 
 TEST(SegmentTimes, LinesBeginWithTheirSegment) {
-  EXPECT_THAT(Taken(monitor()).segment(7, 7).codes(), IsEmpty());
-  EXPECT_THAT(Taken(monitor()).segment(7, 8).codes(), ElementsAre("segment-times-differ"));
+  EXPECT_THAT(Taken(vital_signs()).segment(7, 7).codes(), IsEmpty());
+  EXPECT_THAT(Taken(vital_signs()).segment(7, 8).codes(), ElementsAre("segment-times-differ"));
 }
 
 TEST(SegmentTimes, NumbersAtTheirBoundsOverflowNothing) {
