@@ -79,7 +79,7 @@ EventMarks::Mark* EventMarks::next_of(const crypto::Sha256Digest& commitment) {
 }
 
 void EventMarks::finish(bool is_whole, FindingList& findings) {
-  if (files_.empty() && segments_ > 0) return;  // none was opened
+  if (files_.empty()) return;
   std::ranges::stable_sort(marks_, {}, &Mark::commitment);
   for (const Found& each : found_) {
     const std::string& file = files_[each.file];

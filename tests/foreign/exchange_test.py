@@ -514,9 +514,10 @@ socket = "{self.scratch}/s"
     def deliver(self, port):
         """Messages of a monitor over MLLP, each acknowledged."""
         oxygen = "OBX|1|NM|150456^MDC_PULS_OXIM_SAT_O2^MDC|1.3.1.150456|97.5|262688^MDC_DIM_PERCENT^MDC\r"
-        messages = ["MSH|^~\\&|MON||||20260101120000+0000||ORU^R01|1|P|2.6\r" + oxygen + "OBX|2|ST|2267^COMEN_ACVPU^99COMEN||Alert\rZZZ|1\r",
-                    "MSH|^~\\&|MON||||20260101120001+0000||ORU^R40|2|P|2.6\rOBX|1|CWE|196616^MDC_EVT_ALARM^MDC|1.1.0.0.1|196670^MDC_EVT_HI^MDC\r",
-                    "MSH|^~\\&|MON||||20260101120002+0000||ORU^R01|3|P|2.6||||||8859/1\rNTE|1||M\xfcller\r" + oxygen]
+        now = time.strftime("%Y%m%d%H%M%S+0000", time.gmtime())  # of another time they would be a queue's
+        messages = ["MSH|^~\\&|MON||||" + now + "||ORU^R01|1|P|2.6\r" + oxygen + "OBX|2|ST|2267^COMEN_ACVPU^99COMEN||Alert\rZZZ|1\r",
+                    "MSH|^~\\&|MON||||" + now + "||ORU^R40|2|P|2.6\rOBX|1|CWE|196616^MDC_EVT_ALARM^MDC|1.1.0.0.1|196670^MDC_EVT_HI^MDC\r",
+                    "MSH|^~\\&|MON||||" + now + "||ORU^R01|3|P|2.6||||||8859/1\rNTE|1||M\xfcller\r" + oxygen]
         with socket.create_connection(("127.0.0.1", port), timeout=LONGEST_WAIT_S) as monitor:
             for message in messages:
                 monitor.sendall(b"\x0b" + message.encode("latin-1") + b"\x1c\r")

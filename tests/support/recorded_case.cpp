@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "archive/format/event_line.h"
 #include "archive/format/segment_media.h"
 #include "archive/storage/file_system.h"
 #include "archive/writing/case_writer.h"
@@ -40,6 +41,16 @@ archive::SegmentEntry write_segment(archive::CaseWriter& writer, const std::vect
   entry.frames = stream.units[index];
   entry.counts_samples = stream.kind == "vitals";
   return entry;
+}
+
+/// A recorder enters a mark for each event.
+void append_marks(std::string_view lines, std::vector<archive::CaseEntryBody>& bodies) {
+  while (!lines.empty()) {
+    const std::size_t end = lines.find('\n');
+    if (const auto event = archive::parse_event_line(lines.substr(0, end)))
+      bodies.emplace_back(archive::MarkEntry{event->commitment});
+    lines.remove_prefix(end == std::string_view::npos ? lines.size() : end + 1);
+  }
 }
 
 }  // namespace
@@ -93,6 +104,7 @@ std::filesystem::path record_case(const std::filesystem::path& archive,
         bodies.emplace_back(
             archive::GapEntry{streams[s].name, {before, start}, archive::GapCause::kSignalLost});
       }
+      if (streams[s].kind == "events") append_marks(text_of(streams[s].segments[index]), bodies);
       bodies.emplace_back(write_segment(*writer, streams, s, index));
       latest_ns = std::max(latest_ns, start + kSecondNs);
     }
