@@ -406,13 +406,13 @@ class WriterLosesPower : public PowerCutStory {
       // The sample's streams hold noise, which is no film: what is looked at is whether a cut segment of
       // pictures opens.
       options.inspect = [](const auto& stream, const auto& segment, const auto& file,
-                           const auto& identities) -> std::optional<std::string> {
+                           const auto& identities) -> std::optional<archive::InspectionProblem> {
         if (segment.complete || stream.kind != "video") return std::nullopt;
         try {
           static_cast<void>(media::SealedSegment::decrypt(file, segment.complete, identities));
           return std::nullopt;
         } catch (const Error& error) {
-          return error.what();
+          return archive::InspectionProblem{error.what()};
         }
       };
     }
