@@ -140,9 +140,9 @@ TEST_F(InspectorTest, OneFileHoldsOneFilm) {
     return inspect(stream)[0];
   };
   EXPECT_THAT(first(in_a_void(others[0], films[0]), "video/mp2t"),
-              HasSubstr("is no MPEG transport stream: at byte 0 no packet begins"));
+              HasSubstr("is no MPEG transport stream: "));
   EXPECT_THAT(first(with_packets_of(films[0], films[1]), "video/mp2t"),
-              HasSubstr("carries something beside its pictures and its sound, under the number "));
+              HasSubstr("has 2 streams of pictures, 0 of sound and 0 of something else"));
   Bytes longer = films[0];
   longer.push_back(std::byte{0x47});
   EXPECT_THAT(first(longer, "video/mp2t"), HasSubstr("ends within a packet of 188 bytes"));
