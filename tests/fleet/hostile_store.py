@@ -9,6 +9,7 @@ Exit status: 0 everything holds, 1 something does not.
 import http.server
 import json
 import pathlib
+import re
 import resource
 import shutil
 import subprocess
@@ -129,7 +130,12 @@ class HostileStore:
         headers = [*found.headers.items(), ("x-amz-version-id", found.name)]
         at = self.cut(key)
         if at is None or asked.command == "HEAD":
-            return asked.reply(200, found.body, headers)
+            part = re.fullmatch(r"bytes=(\d+)-(\d+)", asked.headers.get("Range", ""))
+            if part is None or asked.command != "GET":
+                return asked.reply(200, found.body, headers)
+            first, last = int(part[1]), min(int(part[2]), len(found.body) - 1)
+            told = f"bytes {first}-{last}/{len(found.body)}"
+            return asked.reply(206, found.body[first:last + 1], [*headers, ("Content-Range", told)])
         # Without a length the end of the connection is the end of the object, and nobody sees that it was cut.
         asked.send(b"HTTP/1.1 200 Told\r\nConnection: close\r\n" + "".join(f"{n}: {v}\r\n" for n, v in headers).encode() + b"\r\n" + found.body[:at])
         asked.close_connection = True
