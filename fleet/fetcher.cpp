@@ -36,7 +36,6 @@ constexpr std::size_t kMostUnfit = 10'000;
 /// streams have 3 MB.
 constexpr std::uint64_t kLargestLedger = std::uint64_t{32} << 20;
 constexpr std::string_view kGrowing = "growing/";
-/// Whether segments come, too.
 constexpr std::string_view kLog = "log";  // an appliance's, beside its cases
 
 /// Names of files below a case's folder, as the store tells them: nothing may lead out of it.
@@ -418,6 +417,7 @@ class Fetching {
       if (!wanted_.insert(path).second) return;
       if (const auto left = result_.segments_left.find(path); left != result_.segments_left.end()) {
         left->second.sha256 = sha256;
+        left->second.bytes = bytes;
         return;
       }
       const auto taken = hashes_.find(path);

@@ -39,7 +39,8 @@ struct HoldsSeen {
 /// A segment that was left in the store: its place in the folder has an empty file.
 struct SegmentInStore {
   std::vector<ListedVersion> versions;           // that may be it; the one that was chosen in front
-  std::optional<crypto::Sha256Digest> sha256{};  // as the ledger has it
+  std::optional<crypto::Sha256Digest> sha256{};  // as the ledger has it, as is
+  std::optional<std::uint64_t> bytes{};
 };
 
 struct FetchedCase {

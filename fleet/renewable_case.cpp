@@ -1,13 +1,16 @@
 #include "fleet/renewable_case.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <fcntl.h>
+#include <functional>
 #include <sys/stat.h>
 #include <type_traits>
 #include <unistd.h>
 #include <utility>
 
+#include "archive/format/limits.h"
 #include "base/descriptor.h"
 #include "base/error.h"
 #include "fleet/stored_records.h"
@@ -59,16 +62,27 @@ std::uint64_t StreamedFiles::bytes() const {
 int StreamedFiles::bring(const SegmentInStore& segment) const {
   std::vector<ListedVersion> versions{segment.versions.front()};
   if (segment.sha256 && segment.versions.size() > 1) versions = versions_to_try(segment.versions);
+  const auto fits = [&](const ListedVersion& each) { return each.bytes == segment.bytes; };
+  // One of another size is not what the ledger names; where all are, that is to be seen.
+  if (std::ranges::any_of(versions, fits)) std::erase_if(versions, std::not_fn(fits));
   Descriptor first;
   for (const ListedVersion& each : versions) {
+    if (each.bytes > archive::kMaximumSealedBytes)
+      throw Error(each.key + " has more than 1 GiB: it was not read");
     Descriptor file = nameless_file(scratch_);
     crypto::Sha256 hash;
-    store_.with([&](ObjectStore& store) {
-      store.get(each.key, each.version, each.bytes, [&](ByteView bytes) {
-        hash.update(bytes);
-        write_all(file, scratch_, bytes);
+    try {
+      store_.with([&](ObjectStore& store) {
+        store.get(each.key, each.version, each.bytes, [&](ByteView bytes) {
+          hash.update(bytes);
+          write_all(file, scratch_, bytes);
+        });
       });
-    });
+    } catch (const StoreError& error) {
+      // Whoever may put makes a version that nobody else can read: it hides no other one.
+      if (!error.is_of_one_object() || (!first && &each == &versions.back())) throw;
+      continue;
+    }
     {
       const std::lock_guard guard(mutex_);
       bytes_ += each.bytes;
@@ -98,6 +112,9 @@ int StreamedFiles::open_at(int folder, const std::string& name, int flags, const
       try {
         const ListedVersion& front = segment->second.versions.front();
         store_.with([&](ObjectStore& store) { store.look(front.key, front.version); });
+      } catch (const StoreError& refusal) {
+        if (!refusal.is_of_one_object()) leave(error.what());
+        break;
       } catch (const Error&) {
         leave(error.what());
         break;

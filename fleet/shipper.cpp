@@ -162,6 +162,7 @@ struct Shipper::Pass {
   const std::function<bool()>* is_ended = nullptr;  // null: nothing is sent
   ShippingReport report;
   const archive::Holds* holds = nullptr;  // null: the log cannot be read
+  bool log_went = false;                  // whole, as it is now
   bool held = false;                      // what is shipped now is of a case under legal hold
 
   [[nodiscard]] std::string prefix() const { return shipper.terms_.appliance + "/"; }
@@ -351,7 +352,8 @@ struct Shipper::Pass {
     if (holds == nullptr) return;
     for (const auto& [case_id, holds_of_case] : *holds) {
       if (standing == holds_of_case.empty() || shipper.list_.hold(case_id) == standing) continue;
-      if (is_ended != nullptr && !ended()) {
+      // By its copy of the log the store would hold less than it should.
+      if (is_ended != nullptr && !ended() && (standing || log_went)) {
         guarded_of_case([&, &id = case_id, &of = holds_of_case] { hold_of(id, of); });
       }
       if (shipper.list_.hold(case_id) != standing) report.holds_waiting.push_back(case_id);
@@ -476,7 +478,10 @@ struct Shipper::Pass {
     held = is_held(name);
     const fs::path place = archive / name;
     const FolderState state = state_of(place);
-    if (shipper.list_.whole(name) == state.text) return;
+    if (shipper.list_.whole(name) == state.text) {
+      log_went = log_went || name == kLogFolder;
+      return;
+    }
     const CaseFolder folder = CaseFolder::open(place);
     const auto tail = name == kLogFolder ? std::nullopt : archive::read_ledger_tail(place);
     const bool closed = tail && tail->closed;
@@ -520,6 +525,7 @@ struct Shipper::Pass {
         failed(error);
       }
     }
+    if (name == kLogFolder) log_went = all_whole;
     if (is_ended != nullptr && !ended() && all_whole && state.newest + kSettled < shipper.time_.utc())
       shipper.list_.set_whole(name, state.text);
   }

@@ -29,8 +29,12 @@ constexpr const char* kLibrary = "libavfilter.so." AV_STRINGIFY(LIBAVFILTER_VERS
 }
 
 void* library() {
-  static void* const loaded = ::dlopen(kLibrary, RTLD_LAZY | RTLD_LOCAL);
-  if (loaded == nullptr) refuse();
+  // Where it throws the next call tries again: descriptors may have run out, or an upgrade be under way.
+  static void* const loaded = [] {
+    void* const opened = ::dlopen(kLibrary, RTLD_LAZY | RTLD_LOCAL);
+    if (opened == nullptr) refuse();
+    return opened;
+  }();
   return loaded;
 }
 

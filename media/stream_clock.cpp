@@ -1,43 +1,28 @@
 #include "media/stream_clock.h"
 
 #include <algorithm>
-#include <charconv>
 #include <utility>
 
 #include "archive/format/segment_media.h"
 
 namespace kiroku::media {
-namespace {
-
-/// Ticks of one unit of "n/d"; nothing for a base that is none or not made of whole ticks.
-std::optional<Ticks> unit_of(const std::string& time_base) {
-  std::int64_t numerator = 0;
-  std::int64_t denominator = 0;
-  const char* const end = time_base.data() + time_base.size();
-  const auto upper = std::from_chars(time_base.data(), end, numerator);
-  if (upper.ptr == end || *upper.ptr != '/' || std::from_chars(upper.ptr + 1, end, denominator).ptr != end ||
-      numerator < 1 || denominator < 1 || kTicksPerSecond * numerator % denominator != 0) {
+std::optional<FirstPicture> first_picture_of(const archive::StreamInfo& stream,
+                                             const archive::SegmentEntry& segment) {
+  const archive::MediaUnit of = archive::unit_of_media(archive::media_of(stream, segment));
+  if (!segment.counted || segment.time_base != of.time_base || kTicksPerSecond % of.per_second != 0)
     return std::nullopt;
-  }
-  return kTicksPerSecond * numerator / denominator;
-}
-
-}  // namespace
-
-std::optional<FirstPicture> first_picture_of(const archive::SegmentEntry& segment) {
-  const auto unit = segment.counted ? unit_of(segment.time_base) : std::nullopt;
-  if (!unit) return std::nullopt;
+  const Ticks unit = kTicksPerSecond / of.per_second;
   constexpr std::int64_t kTickUnit = 100'000;  // 9 ticks
-  const std::int64_t divisor = kTickUnit * *unit;
+  const std::int64_t divisor = kTickUnit * unit;
   const std::int64_t start = (segment.span.start_ns * 9 + divisor / 2) / divisor;
-  return FirstPicture{segment.first_pts * *unit, (segment.first_pts - start) * *unit};
+  return FirstPicture{segment.first_pts * unit, (segment.first_pts - start) * unit};
 }
 
 StreamClock::StreamClock(archive::StreamInfo stream, const std::vector<archive::SegmentEntry>& segments)
     : stream_(std::move(stream)) {
   std::map<std::string, std::vector<Ticks>> of_media;
   for (const archive::SegmentEntry& segment : segments) {
-    if (const auto first = first_picture_of(segment))
+    if (const auto first = first_picture_of(stream_, segment))
       of_media[archive::media_of(stream_, segment)].push_back(first->offset);
   }
   for (auto& [media, offsets] : of_media) {
@@ -54,7 +39,7 @@ std::optional<Ticks> StreamClock::constant_of(const std::string& media) const {
 
 std::optional<Ticks> StreamClock::offset_of(const archive::SegmentEntry& segment) const {
   const std::optional<Ticks> constant = constant_of(archive::media_of(stream_, segment));
-  const auto first = first_picture_of(segment);
+  const auto first = first_picture_of(stream_, segment);
   if (!constant || !first) return constant;
   const Ticks late = first->offset - *constant;
   return late < 0 || late > kLatestStamp ? first->offset : *constant;

@@ -26,8 +26,10 @@ struct FirstPicture {
   /// Time stamp minus case-clock time, both in the container's unit: in whole units both were rounded alike.
   Ticks offset = 0;
 };
-/// Nothing where the entry states no time stamp, or one in a unit that is not made of whole ticks.
-std::optional<FirstPicture> first_picture_of(const archive::SegmentEntry& segment);
+/// Nothing where the entry states no time stamp, or one in another unit than that of its media, or that is
+/// not made of whole ticks.
+std::optional<FirstPicture> first_picture_of(const archive::StreamInfo& stream,
+                                             const archive::SegmentEntry& segment);
 
 /// The constants of one stream, by container (archive::media_of).
 class StreamClock {

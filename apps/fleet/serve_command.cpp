@@ -69,10 +69,10 @@ void add_fleet_serve_command(Command& program) {
       "-i,--identity", "FILE", request->identities,
       "opens recordings for everybody who may watch. Without one everybody unlocks with their own, "
       "which stays in memory");
-  command.option(
-      "--scratch", "DIR", request->scratch,
-      "where ledgers lie while cases are looked at, and a case without its segments while it is verified",
-      "the folder for temporary files");
+  command.option("--scratch", "DIR", request->scratch,
+                 "where ledgers lie while cases are looked at, and a case without most of its segments while "
+                 "it is verified",
+                 "the folder for temporary files");
   command.writes("--scratch");
   command.option("--reports", "ADDRESS", request->reports, "where appliances report, such as 0.0.0.0:8444",
                  "[reports] of the configuration");

@@ -79,14 +79,17 @@ fleet::HoldsSeen StoredJudge::holds_seen(const std::string& appliance, const std
 /// Nobody who comes between the two is told of a difference: 'kiroku ship' holds before the log says so, and
 /// lets go after.
 HoldDifference StoredJudge::hold_of(const std::string& appliance, const std::string& case_id,
-                                    const fs::path& device, const fleet::HoldsSeen& in_store) {
+                                    const fs::path& device, const fleet::FetchedCase& there) {
   try {
+    fleet::HoldsSeen in_store = holds_seen(appliance, case_id, device, there);
     HoldDifference differs = compare_holds(holds_of(appliance, device), case_id, in_store);
     if (differs.text.empty()) return {};
     // The log that was fetched for an earlier case may be from before. Where a store holds every case by
     // itself, it is not fetched for each.
     if (differs.lifted || utc_now() - logs_[appliance] > kLogIsNew) {
       fetch_log(appliance);
+      // By an older log segments may not have been asked for.
+      if (!differs.lifted) in_store = holds_seen(appliance, case_id, device, there);
       differs = compare_holds(holds_of(appliance, device), case_id, in_store);
       if (differs.text.empty()) return {};
     }
@@ -161,7 +164,7 @@ archive::VerificationReport StoredJudge::judge(const std::string& appliance, con
   if (const auto policy = configuration_.policy_file()) judging.policy = policy->string();
   fleet::FetchedCase there = fetched(appliance, case_id, key, fleet::SegmentBytes::kInStore);
   judging.log = log_of(appliance, changed).string();
-  hold_ = hold_of(appliance, case_id, key, holds_seen(appliance, case_id, key, there));
+  hold_ = hold_of(appliance, case_id, key, there);
   archive::VerificationReport report = judge_there(appliance, case_id, there, judging);
   // What lies in the store has no holes: a segment that begins with zeros is judged as the bytes that it is.
   const auto has_hole = [](const archive::Finding& each) { return each.code == "file-has-hole"; };

@@ -52,7 +52,7 @@ class StoredJudge {
   fleet::HoldsSeen holds_seen(const std::string& appliance, const std::string& case_id,
                               const std::filesystem::path& device, const fleet::FetchedCase& there);
   HoldDifference hold_of(const std::string& appliance, const std::string& case_id,
-                         const std::filesystem::path& device, const fleet::HoldsSeen& in_store);
+                         const std::filesystem::path& device, const fleet::FetchedCase& there);
   const archive::Holds& holds_of(const std::string& appliance, const std::filesystem::path& device);
 
   const FleetConfiguration& configuration_;

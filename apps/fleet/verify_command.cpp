@@ -247,10 +247,10 @@ void add_fleet_verify_command(Command& program) {
   command.flag("--all", request->all,
                "every case that is closed or was cut off, due or not; waits for those that another holds");
   command.flag("--follow", request->follow, "goes on until Ctrl-C, with what becomes due");
-  command.option(
-      "--scratch", "DIR", request->scratch,
-      "where there is room for what lies beside a case's segments, and for a whole case where [mending] is",
-      "the folder for temporary files");
+  command.option("--scratch", "DIR", request->scratch,
+                 "where there is room for what lies beside a case's segments, segments of several versions, "
+                 "and for a whole case where [mending] is",
+                 "the folder for temporary files");
   command.writes("--scratch");
   command.flag("--json", request->json, "prints one JSON object instead");
   add_fleet_configuration_option(command, request->configuration);

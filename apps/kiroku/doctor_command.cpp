@@ -594,16 +594,26 @@ std::optional<nlohmann::json> running_recorder(const Home& home, const Configura
   }
 }
 
-void examine_sources(const RoomConfiguration& room, Examination& out) {
+/// `is_taken`: whether a recorder holds them by now, as a case has begun meanwhile.
+void examine_sources(const RoomConfiguration& room, const std::function<bool()>& is_taken, Examination& out) {
+  const auto unless_taken = [&](const std::string& subject, const std::function<Check()>& check) {
+    try {
+      return check();
+    } catch (const Error&) {
+      if (is_taken()) return Check{Health::kGood, subject, "a case has begun: kirokud holds it now", ""};
+      throw;
+    }
+  };
   for (const StreamConfiguration& stream : room.streams) {
-    out.examine("source " + room.name + "/" + stream.name,
-                "look at cable, power and address; a case begins without it and states the gap",
-                [&] { return check_source(room, stream); });
+    const std::string source = "source " + room.name + "/" + stream.name;
+    out.examine(source, "look at cable, power and address; a case begins without it and states the gap",
+                [&] { return unless_taken(source, [&] { return check_source(room, stream); }); });
     if (stream.microphone.empty()) continue;
-    out.examine("microphone " + room.name + "/" + stream.name,
+    const std::string microphone = "microphone " + room.name + "/" + stream.name;
+    out.examine(microphone,
                 "look at its plug, and at its name in kiroku.toml ('kiroku devices'); pictures are recorded "
                 "without it",
-                [&] { return check_microphone(room, stream); });
+                [&] { return unless_taken(microphone, [&] { return check_microphone(room, stream); }); });
   }
 }
 
@@ -691,7 +701,12 @@ void examine_all(const Home& home, const Configuration& configuration, Examinati
   for (const RoomConfiguration& room : configuration.rooms) {
     const nlohmann::json told = status ? room_of(*status, room.name) : nlohmann::json();
     if (!told.empty()) examine_running_room(room, told, out);
-    if (told.empty() || told.value("state", "") == "idle") examine_sources(room, out);
+    const auto is_taken = [&] {
+      if (told.empty()) return false;
+      const auto now = recorder::ask_recorder(home.control_socket(configuration), {{"do", "status"}});
+      return room_of(now, room.name).value("state", "idle") != "idle";
+    };
+    if (told.empty() || told.value("state", "") == "idle") examine_sources(room, is_taken, out);
     // A recorder that runs holds these, also between cases.
     if (told.empty()) examine_footswitches(room, out);
   }
@@ -734,7 +749,9 @@ void add_doctor_command(Command& program) {
   command.flag("--json", request->json, "prints one JSON object instead");
   command.explain(
       "Looks at configuration, permissions, recipients, disk, clock, time-stamping authorities, worklists "
-      "and sources, and says what to do about what is not good. Writes a trial file of 256 MB into the "
+      "and sources, and says what to do about what is not good. Where kirokud runs it opens the sources of "
+      "idle "
+      "rooms alone: not while a case may begin. Writes a trial file of 256 MB into the "
       "archive "
       "and removes it. Exit status "
       "1 if anything is bad.");

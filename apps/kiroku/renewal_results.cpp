@@ -53,7 +53,6 @@ nlohmann::ordered_json renewal_json(const EvidenceRenewal& renewal) {
 }
 
 void RenewalTeller::count(const EvidenceRenewal& renewal) {
-  ++cases_;
   if (renewal.what == What::kNothingDue) ++nothing_due_;
   if (renewal.what == What::kRefused) ++refused_;
   if (renewal.what == What::kWaits || (dry_run_ && is_renewed(renewal.what))) ++waiting_;

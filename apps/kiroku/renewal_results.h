@@ -36,7 +36,7 @@ class RenewalTeller {
  private:
   const std::string program_;  // "kiroku"
   const bool dry_run_;
-  std::uint64_t cases_ = 0, nothing_due_ = 0, refused_ = 0, waiting_ = 0;
+  std::uint64_t nothing_due_ = 0, refused_ = 0, waiting_ = 0;
   std::optional<UtcTime> next_;
 };
 

@@ -33,7 +33,7 @@ namespace {
 
 constexpr std::chrono::seconds kLookInterval{5};
 constexpr std::chrono::seconds kLongestPause{60};
-/// Objects under legal hold, in one look; what is recorded meanwhile waits no longer than a few seconds.
+/// Objects under legal hold, in one look; what is recorded meanwhile waits for about a minute at most.
 constexpr std::uint64_t kLookedAtAgain = 500;
 
 struct Request {

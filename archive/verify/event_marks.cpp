@@ -46,7 +46,10 @@ void EventLines::take_line(std::string_view line) {
   const nlohmann::json event = parse_foreign_json(read->event);
   if (!event.is_object()) return;
   const auto time = event.find("time_ns");
-  if (time != event.end() && time->is_number_integer()) taken.time_ns = time->get<std::int64_t>();
+  if (time == event.end() || !time->is_number_integer()) return;
+  const bool is_too_great =
+      time->is_number_unsigned() && time->get<std::uint64_t>() > std::uint64_t{INT64_MAX};
+  if (!is_too_great) taken.time_ns = time->get<std::int64_t>();
 }
 
 void EventMarks::take_mark(const MarkEntry& mark, const CaseEntry& entry, std::uint64_t number) {
@@ -95,7 +98,7 @@ void EventMarks::finish(bool is_whole, FindingList& findings) {
     }
     mark->is_found = true;
     const std::optional<std::int64_t> time = each.event.time_ns;
-    if (!time || *time > mark->mono_ns + kToleranceNs || mark->mono_ns - *time > kLatestNs) {
+    if (!time || *time > mark->mono_ns + kToleranceNs || *time < mark->mono_ns - kLatestNs) {
       findings.add("event-time-differs", {file},
                    file + " holds an event that " +
                        (time ? "states " + seconds_text(*time) + " s of the case clock" : "states no time") +

@@ -39,7 +39,7 @@ class EventLines {
 
 class EventMarks {
  public:
-  /// So many events are compared; a case with more is refused only where its ledger commits to fewer.
+  /// Of a case with more the first so many are compared, and no mark is said to lack its event.
   static constexpr std::size_t kMostEvents = 1'000'000;
   /// An event is entered within this time after the one that it states: a disk may be slow.
   static constexpr std::int64_t kLatestNs = 5'000'000'000;

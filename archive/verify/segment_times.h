@@ -12,11 +12,10 @@
 
 namespace kiroku::archive {
 
-/// A recorder stamps a picture of a burst at most 1 s after it came. A tenth of that is added.
+/// A recorder stamps a picture of a burst at most 1 s after it came. A tenth of that is added. Recorders from
+/// before that bound spread a burst by half the time between two pictures at the rate that the source stated,
+/// whatever that was: so stamps that are too late accuse nobody.
 inline constexpr std::int64_t kLatestStampNs = 1'100'000'000;
-/// Recorders before that bound spread a burst by half the time between two pictures at the rate that the
-/// source stated: of one a second, the lowest, half a second for each picture.
-inline constexpr std::int64_t kWidestSpreadNs = 500'000'000;
 
 /// Takes the segments of one stream in their order.
 class SegmentTimes {
@@ -40,7 +39,7 @@ class SegmentTimes {
     Stated floor;
     std::int64_t latest = 0;                // where the last picture may have been stamped, less the constant
     std::int64_t first_pts = 0, start = 0;  // of the last segment
-    std::int64_t pictures = 0;              // in it, those that were dropped among them
+    std::int64_t pictures = 0;              // in it
   };
 
   void compare(Container& of, std::int64_t per_second, const SegmentEntry& segment, std::uint64_t entry,

@@ -96,7 +96,9 @@ bool ApplianceLog::State::read_newest_fitting() {
       signed_until = newer;
       signed_root.reset();
     }
+    // Also where what follows cannot be read.
     const std::uint64_t covered = std::max(in_log.covered_until(), signed_until);
+    in_log.is_covered_until(covered);
     in_log.is_covered_until(std::max(covered, newest_fitting(covered, by_ed25519())));
     return true;
   } catch (const Error&) {

@@ -1,6 +1,7 @@
 // What an ApplianceLog holds: shared by its parts (appliance_log.cpp, appliance_log_entries.cpp,
-// appliance_log_settling.cpp, appliance_log_checkpoints.cpp), of no use to anybody else. With `mutex` held;
-// functions that end in _locked want the log's turn, too.
+// appliance_log_settling.cpp, appliance_log_checkpoints.cpp), of no use to anybody else. append() and
+// append_and_checkpoint() take `mutex` and the log's turn themselves. All others want `mutex` held, but for
+// open(), which has the object alone; those that read or write the log's files want the turn, too.
 #pragma once
 
 #include <cstdint>

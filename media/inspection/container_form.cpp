@@ -80,6 +80,10 @@ enum Element : std::uint64_t {
 constexpr std::uint64_t kLargestBeside = 64U << 10;
 /// Space that is left for something: nothing is hidden in so little.
 constexpr std::uint64_t kLargestVoid = 4'096;
+/// All of it together: pieces of a film are no film, either.
+constexpr std::uint64_t kMostBeside = 256U << 10;
+/// A recorder writes some thousands.
+constexpr std::uint64_t kMostElements = 1'000'000;
 
 /// Walks over elements without reading what is in them.
 class MatroskaWalk {
@@ -114,7 +118,7 @@ class MatroskaWalk {
 
   std::uint64_t number(std::uint64_t& at, std::size_t most, bool keeps_marker) {
     std::array<std::byte, 8> bytes{};
-    const std::size_t got = source_.read_at(at, bytes);
+    const std::size_t got = peek(at, bytes);
     if (got == 0) throw Ended();
     std::size_t length = 1;
     while (length <= 8 && (as_number(bytes[0]) & (0x80U >> (length - 1))) == 0) ++length;
@@ -128,7 +132,20 @@ class MatroskaWalk {
     return value;
   }
 
+  /// Each question to the source goes out of the box: what stands close together is asked for at once.
+  std::size_t peek(std::uint64_t at, std::span<std::byte> into) {
+    if (at < window_at_ || at + into.size() > window_at_ + window_.size()) {
+      window_.resize(kWindow);
+      window_at_ = at;
+      window_.resize(source_.read_at(at, window_));
+    }
+    const std::size_t from = at - window_at_, got = std::min(into.size(), window_.size() - from);
+    std::copy_n(window_.begin() + static_cast<std::ptrdiff_t>(from), got, into.begin());
+    return got;
+  }
+
   Head head(std::uint64_t at) {
+    if (++elements_ > kMostElements) wrong("has more than " + std::to_string(kMostElements) + " elements");
     Head of;
     of.at = at;
     of.id = number(at, 4, true);
@@ -144,8 +161,10 @@ class MatroskaWalk {
     return of;
   }
 
-  void require_small(const Head& of) const {
+  void require_small(const Head& of) {
     if (!of.size || *of.size > (of.id == kVoid ? kLargestVoid : kLargestBeside)) unknown(of);
+    beside_ += *of.size;
+    if (beside_ > kMostBeside) wrong("has more than 256 KiB beside its pictures and its sound");
   }
 
   void walk() {
@@ -172,12 +191,10 @@ class MatroskaWalk {
         case kSeekHead:
         case kInfo:
         case kTags:
+        case kCues:
         case kVoid:
         case kChecksum:
           require_small(of);
-          break;
-        case kCues:
-          if (!of.size) unknown(of);
           break;
         default:
           if (!in_cluster) unknown(of);
@@ -204,7 +221,7 @@ class MatroskaWalk {
       if (of.id == kTrackNumber) {
         std::array<std::byte, 8> bytes{};
         if (*of.size == 0 || *of.size > bytes.size()) unknown(of);
-        const std::size_t length = source_.read_at(of.begin, std::span(bytes).first(*of.size));
+        const std::size_t length = peek(of.begin, std::span(bytes).first(*of.size));
         std::uint64_t value = 0;
         for (const std::byte byte : std::span(bytes).first(length)) value = value << 8U | as_number(byte);
         tracks_.insert(value);
@@ -264,6 +281,10 @@ class MatroskaWalk {
   const std::uint64_t end_;
   const bool complete_;
   const std::string& name_;
+  static constexpr std::size_t kWindow = 4'096;
+  std::vector<std::byte> window_;
+  std::uint64_t window_at_ = 0;
+  std::uint64_t elements_ = 0, beside_ = 0;
   std::size_t length_ = 0;  // of the last number
   CarriedNumbers tracks_;
 };

@@ -6,6 +6,7 @@ namespace kiroku::recorder {
 namespace {
 
 constexpr std::chrono::seconds kLookInterval{1};
+constexpr std::chrono::seconds kComparisonInterval{10};
 
 }  // namespace
 
@@ -93,9 +94,13 @@ std::optional<ProcedureData> CaseSubject::about() const {
 
 std::optional<std::string> CaseSubject::contradicted(Clock::Time now) {
   if (!is_found_ || now < next_comparison_) return {};
-  next_comparison_ = now + kLookInterval;
+  next_comparison_ = now + kComparisonInterval;
   const std::optional<ProcedureData> named = find(), known = about();
   if (!named || !known || may_be_same_patient(*known, *named)) return {};
+  // Lists drop what has begun, and the next one stands there alone.
+  constexpr std::size_t kToMinutes = 16;
+  const std::string planned = known->planned.substr(0, kToMinutes);
+  if (!planned.empty() && named->planned.substr(0, kToMinutes) > planned) return {};
   // A person may have given one meanwhile.
   if (!is_found_.exchange(false)) return {};
   return "messages or the worklist name another patient for this room now than the one whom they named for "
@@ -108,8 +113,7 @@ void CaseSubject::ended(UtcTime now) {
     const std::lock_guard guard(about_mutex_);
     about = std::exchange(about_, std::nullopt);
   }
-  const bool names_somebody = about && (!about->patient_id.empty() || !about->patient.empty());
-  if (source_ && names_somebody) source_->ended(*about, now);
+  if (source_ && about && names_somebody(*about)) source_->ended(*about, now);
 }
 
 std::optional<ProcedureData> CaseSubject::find() const {

@@ -62,17 +62,21 @@ class CaseSubject {
   [[nodiscard]] std::optional<ProcedureData> about() const;
   /// To be called again and again while the case runs: a sentence without anything of a patient, once, where
   /// messages or the worklist name another patient now than the one whom they named for this case, who was
-  /// found and not given. Looks each second.
+  /// found and not given. Whoever is planned for later is the
+  /// next one. Looks each ten seconds.
   std::optional<std::string> contradicted(Clock::Time now);
-  /// An earlier process recorded a case about that patient, which ended with it.
-  void ended_before(const ProcedureData& about, UtcTime now) {
-    if (source_) source_->ended(about, now);
+  /// An earlier process recorded a case about that patient, which was cut off with it.
+  void cut_off_before(const ProcedureData& about, UtcTime now) {
+    if (source_ && names_somebody(about)) source_->cut_off(about, now);
   }
   /// A person or a rule ended the case: what it was about is not taken for a later one by itself.
   void ended(UtcTime now);
 
  private:
   [[nodiscard]] std::optional<ProcedureData> find() const;
+  static bool names_somebody(const ProcedureData& data) {
+    return !data.patient_id.empty() || !data.patient.empty();
+  }
   void is_about(std::optional<ProcedureData> data) {
     const std::lock_guard guard(about_mutex_);
     about_ = std::move(data);

@@ -111,7 +111,7 @@ struct Room::State {
   // Whom a case is about, and in which form its pictures are archived (room_subject.cpp).
   /// What the recorder's last process knew of the case that is to be carried on; of another one nothing.
   void take_kept_patient(Resumption& resumed) const;
-  /// The last process's case ended with it, for whoever is looked for now.
+  /// The last process's case was cut off with it.
   void note_earlier_patient();
   [[nodiscard]] static std::string hash_of(const Bytes& sealed);
   /// For the recorder's next process: whom the case that runs is about by now.

@@ -29,7 +29,7 @@ void Room::State::take_kept_patient(Resumption& resumed) const {
 void Room::State::note_earlier_patient() {
   const KeptPatient kept = read_kept_patient(plan.memory.earlier);
   if (kept.about.empty()) return;
-  case_subject.ended_before(data_of_subject(to_bytes(kept.about)), time.utc());
+  case_subject.cut_off_before(data_of_subject(to_bytes(kept.about)), time.utc());
 }
 
 std::string Room::State::hash_of(const Bytes& sealed) { return crypto::to_hex(crypto::sha256(sealed)); }
@@ -164,12 +164,12 @@ void Room::State::look_for_late_subject(Session& running) {
 void Room::State::look_for_contradiction(Session& running) {
   std::optional<std::string> how;
   {
+    // Behind it a person may give another one.
     const std::lock_guard order(late_mutex);
     how = case_subject.contradicted(time.now());
+    if (how) running.patient_differs(*how);
   }
-  if (!how) return;
-  running.patient_differs(*how);
-  tell_problem(*how);
+  if (how) tell_problem(*how);
 }
 
 void Room::State::keep_late_subject(const Session& running, const Bytes& subject,

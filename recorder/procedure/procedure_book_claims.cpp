@@ -44,11 +44,7 @@ void ProcedureBook::claim() {
     }
   }
   for (const auto& [key, kept] : appointments_) {
-    const bool names_one = std::ranges::any_of(kept.message.places, counts) ||
-                           std::ranges::any_of(kept.message.planned_places, [&](const PlannedPlace& each) {
-                             return std::ranges::any_of(each.spellings, counts);
-                           });
-    if (!names_one || kept.message.is_over || is_known(planned_claims_, key, kept)) continue;
+    if (kept.message.is_over || is_known(planned_claims_, key, kept)) continue;
     if (!std::ranges::any_of(rooms_of(kept.message), counts)) continue;
     planned_claims_.insert_or_assign(key, kept);
   }
@@ -200,6 +196,11 @@ bool ProcedureBook::is_claimed(const ProcedureRule& rule, const ProcedureMessage
   return std::ranges::any_of(planned_claims_, [&](const auto& each) {
     const Kept& its = each.second;
     if (!concerns(rule, its.message) || is_chosen(its.message)) return false;
+    const auto same = appointments_.find(each.first);
+    if (same != appointments_.end() && concerns(rule, same->second.message) &&
+        likeness(same->second.message, its.message) == Likeness::kSure) {
+      return false;
+    }
     const bool is_planned_still = std::ranges::any_of(appointments_, [&](const auto& other) {
       const ProcedureMessage& message = other.second.message;
       return concerns(rule, message) && same_appointment(message, its.message) != Likeness::kNone &&

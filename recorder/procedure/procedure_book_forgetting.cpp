@@ -167,7 +167,10 @@ void ProcedureBook::forget_old(Messages& messages, const ProcedureMoment& now) {
       if (is_older(each, oldest) && !is_watched(each->second)) oldest = each;
     }
     const auto forgotten = oldest == messages.end() ? oldest_of_all : oldest;
-    if (rules_.empty() || oldest == messages.end()) lose(messages, forgotten->second, now);
+    // Of a claim whose patient or appointment is there still nothing is lost.
+    const bool is_there = (&messages == &claims_ && placed_.contains(forgotten->first)) ||
+                          (&messages == &planned_claims_ && appointments_.contains(forgotten->first));
+    if (!is_there && (rules_.empty() || oldest == messages.end())) lose(messages, forgotten->second, now);
     // What is known to be lost claims nothing more.
     if (&messages == &placed_) claims_.erase(forgotten->first);
     if (&messages == &appointments_) planned_claims_.erase(forgotten->first);

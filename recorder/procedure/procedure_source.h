@@ -41,6 +41,9 @@ class ProcedureSource {
   /// that one begins within kGoesOnWithin: after a pause it goes on. Later, within the rule's window, a
   /// person chooses it again.
   virtual void ended(const ProcedureData& /*data*/, UtcTime /*at*/) {}
+  /// A case about it was cut off at `at` by the end of an earlier process. It is taken for recorded likewise,
+  /// and its operation may go on: whoever is planned behind it is not taken in its place.
+  virtual void cut_off(const ProcedureData& /*data*/, UtcTime /*at*/) {}
   static constexpr std::chrono::minutes kGoesOnWithin{10};
   /// A case waits for it: what is asked for now and then is asked for now.
   virtual void hurry() {}

@@ -23,7 +23,7 @@ class RoomProcedure : public ProcedureSource {
       : inbox_(inbox), rule_(std::move(rule)), worklist_(std::move(worklist)) {
     if (!inbox) return;
     inbox->watch(rule_);
-    ended_ = inbox->recorded(rule_);
+    for (auto& [data, ended] : inbox->recorded(rule_)) ended_.push_back({std::move(data), ended});
   }
 
   /// Where both know the same patient, the worklist completes what the messages say. Where the messages leave
@@ -43,14 +43,9 @@ class RoomProcedure : public ProcedureSource {
   [[nodiscard]] std::optional<Clock::Duration> changed_at() const override {
     return inbox_ ? inbox_->changed_at(rule_) : std::nullopt;
   }
+  void cut_off(const ProcedureData& data, UtcTime at) override { note({data, at, true}); }
   void ended(const ProcedureData& data, UtcTime at) override {
-    {
-      const std::lock_guard guard(mutex_);
-      std::erase_if(ended_,
-                    [&](const auto& each) { return at - each.second > ProcedureBook::kLongestWindow; });
-      if (ended_.size() >= kMostEnded) ended_.erase(ended_.begin());
-      ended_.emplace_back(data, at);
-    }
+    note({data, at});
     // For the process that starts next. Not under the mutex: the inbox asks has_ended() under its own.
     if (inbox_) inbox_->note_recorded(rule_, data, at);
   }
@@ -66,6 +61,18 @@ class RoomProcedure : public ProcedureSource {
 
  private:
   static constexpr std::size_t kMostEnded = 500;
+  struct Ended {
+    ProcedureData data;
+    UtcTime at;
+    bool is_cut_off = false;  // by the end of the process: the operation may go on
+  };
+  void note(Ended one) {
+    const std::lock_guard guard(mutex_);
+    std::erase_if(ended_,
+                  [&](const Ended& each) { return one.at - each.at > ProcedureBook::kLongestWindow; });
+    if (ended_.size() >= kMostEnded) ended_.erase(ended_.begin());
+    ended_.push_back(std::move(one));
+  }
 
   [[nodiscard]] ProcedureChoice choose(UtcTime at) const {
     ProcedureChoice choice = choose_of_both(at);
@@ -78,7 +85,7 @@ class RoomProcedure : public ProcedureSource {
   }
   [[nodiscard]] ProcedureChoice choose_of_both(UtcTime at) const {
     const EndedSince ended = [&](const ProcedureData& data, UtcTime since) {
-      return has_ended(data, since, at);
+      return has_ended(data, since, at, true);
     };
     ProcedureChoice told = inbox_ ? inbox_->choose(rule_, at, ended) : ProcedureChoice();
     // What is planned for later says nothing of now.
@@ -92,8 +99,8 @@ class RoomProcedure : public ProcedureSource {
       if (stands != Standing::kOpen || !planned) return stands;
       // Nobody keeps whoever is in the room waiting.
       const bool is_somebody_there = told.data && !told.is_by_plan;
-      return is_somebody_there || has_ended(data, *planned - kFurthestAhead, at) ? Standing::kRecorded
-                                                                                 : Standing::kOpen;
+      return is_somebody_there || ended(data, *planned - kFurthestAhead) ? Standing::kRecorded
+                                                                         : Standing::kOpen;
     };
     std::optional<ProcedureData> listed = worklist_->find(at, standing);
     if (!told.data) {
@@ -114,23 +121,26 @@ class RoomProcedure : public ProcedureSource {
   }
   [[nodiscard]] bool was_recorded(const ProcedureData& data, UtcTime at) const {
     const std::lock_guard guard(mutex_);
-    return std::ranges::any_of(ended_, [&](const auto& each) {
-      const auto ago = std::chrono::abs(at - each.second);
+    return std::ranges::any_of(ended_, [&](const Ended& each) {
+      const auto ago = std::chrono::abs(at - each.at);
       // Of two that state their times these tell them apart, however early one was done.
       const bool is_near =
-          is_within(ago, rule_.window) || (!data.planned.empty() && !each.first.planned.empty());
-      return ago > kGoesOnWithin && is_near && may_be_same_procedure(data, each.first);
+          is_within(ago, rule_.window) || (!data.planned.empty() && !each.data.planned.empty());
+      return ago > kGoesOnWithin && is_near && may_be_same_procedure(data, each.data);
     });
   }
   /// Whether the last case about that patient since then was ended too long ago to go on.
   [[nodiscard]] bool is_done(const ProcedureData& data, UtcTime since, UtcTime at) const {
     return has_ended(data, since, at) && !has_ended(data, std::max(since, at - kGoesOnWithin), at);
   }
-  /// A case about that patient, of whatever procedure.
-  [[nodiscard]] bool has_ended(const ProcedureData& data, UtcTime since, UtcTime at) const {
+  /// A case about that patient, of whatever procedure. `surely`: with it the operation, as far as it is
+  /// known.
+  [[nodiscard]] bool has_ended(const ProcedureData& data, UtcTime since, UtcTime at,
+                               bool surely = false) const {
     const std::lock_guard guard(mutex_);
-    return std::ranges::any_of(ended_, [&](const auto& each) {
-      return each.second >= since && each.second <= at && may_be_planned_for_both(data, each.first);
+    return std::ranges::any_of(ended_, [&](const Ended& each) {
+      return each.at >= since && each.at <= at && !(surely && each.is_cut_off) &&
+             may_be_planned_for_both(data, each.data);
     });
   }
   /// Two systems may write one number in two ways.
@@ -150,7 +160,7 @@ class RoomProcedure : public ProcedureSource {
   const ProcedureRule rule_;
   const std::unique_ptr<Worklist> worklist_;
   mutable std::mutex mutex_;
-  std::vector<std::pair<ProcedureData, UtcTime>> ended_;  // guarded by it; the oldest first
+  std::vector<Ended> ended_;  // guarded by it; the oldest first
 };
 
 }  // namespace kiroku::recorder

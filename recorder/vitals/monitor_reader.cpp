@@ -195,8 +195,14 @@ bool MonitorReader::tells_clock(std::optional<UtcTime> arrived) {
     const auto drift_us = [this](const Apart& first) {
       return (*message_time_ - first.time).count() - (arrival_ns_ - first.since_ns) / 1000;
     };
-    if (!apart_ || std::abs(drift_us(*apart_)) > kSteadyUs) apart_ = Apart{arrival_ns_, *message_time_, 0};
-    ++apart_->messages;
+    // What is held up on its way, or stamped in whole minutes, only seems earlier: a later one tells.
+    const bool is_forgotten = apart_ && arrival_ns_ - apart_->newest_ns > kForgottenNs;
+    if (!apart_ || is_forgotten || drift_us(*apart_) > kSteadyUs)
+      apart_ = Apart{arrival_ns_, *message_time_, 0, arrival_ns_};
+    if (std::abs(drift_us(*apart_)) <= kSteadyUs) {
+      ++apart_->messages;
+      apart_->newest_ns = arrival_ns_;
+    }
     if (apart_->messages < kSteadyMessages || arrival_ns_ - apart_->since_ns < kSteadyNs) return false;
   }
   is_clock_known_ = true;

@@ -48,7 +48,8 @@ class MonitorReader {
   /// so long a time, whose times go on as they arrive. Those of a queue come faster than they were made.
   static constexpr std::size_t kSteadyMessages = 3;
   static constexpr std::int64_t kSteadyNs = 3'000'000'000;
-  static constexpr std::int64_t kSteadyUs = 2'000'000;  // so far apart by both clocks at most
+  static constexpr std::int64_t kSteadyUs = 2'000'000;           // so far apart by both clocks at most
+  static constexpr std::int64_t kForgottenNs = 180'000'000'000;  // after so long without one that fits
 
   /// `source` stands in the lines; times without zone count as MSH-7 states, else by `assumed_zone`.
   MonitorReader(std::string source, const AssumedZone& assumed_zone);
@@ -100,6 +101,7 @@ class MonitorReader {
     std::int64_t since_ns = 0;  // arrival of the first
     UtcTime time;               // that it states
     std::size_t messages = 0;
+    std::int64_t newest_ns = 0;  // arrival of the last of them
   };
   std::optional<Apart> apart_;
   bool is_live_ = false;     // the message being read has an `arrived`

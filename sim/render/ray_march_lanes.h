@@ -578,6 +578,9 @@ class Ray {
       gradient[c] = (texel[c] + before) * (0.5F * scene_.gradient_scale) - scene_.gradient_zero;
     }
     add(gradient, (depth + front) * 0.5F, tissue, count);
+    // Both say it, or a ray goes on whose samples were left out: the two are rounded otherwise.
+    if (spent_ > scene_.ended_extinction)
+      through_ = through_ < scene_.ended_share ? through_ : scene_.ended_share;
     for (int c = 0; c < 3; ++c) last_texel_[c] = texel[c][count - 1];
     last_depth_mm_ = depth[count - 1];
     waiting_.keep_from(count);

@@ -141,7 +141,7 @@ class Stream:
         if not self.of_pictures:
             return
         of, spread, latest = self.containers.get(media), LATEST_STAMP * a_second // SECOND, start + LATEST_STAMP * a_second // SECOND
-        if of and not self.interrupted and not -spread <= first - of["first"] <= start - of["start"] + spread + of["pictures"] * a_second // 2:
+        if of and not self.interrupted and first - of["first"] < -spread:
             tell("segment-times-differ", segment["file"])
         if of:
             latest = max(latest, of["latest"] + of["pictures"])
@@ -150,7 +150,7 @@ class Stream:
         if floor > lowest + 2:
             tell("segment-times-late", self.info["name"])
         self.containers[media] = {"first": first, "start": start, "latest": latest, "lowest": lowest, "floor": floor,
-                                  "pictures": min(segment.get("frames", segment.get("samples", 0)) + segment["dropped"], 1 << 32)}
+                                  "pictures": min(segment.get("frames", segment.get("samples", 0)), 1 << 32)}
 
     def _extension_of(self, segment):
         """By its file's name, if it is one of those that the stream may have."""

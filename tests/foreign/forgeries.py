@@ -1561,15 +1561,24 @@ def segments_that_change_places_by_their_stamps(world):
     return world.write(stamped(world, [0, 10, 5, 15]))
 
 
-@reaches("segment-times-differ", "segment-times-late")
+@reaches("segment-times-late")
 def film_moved_by_minutes(world):
-    return world.write(stamped(world, [0, 5, 310, 315]))
+    """An older recorder may have stamped so of a camera that stated a picture in minutes."""
+    return world.write(stamped(world, [0, 5, 310, 315]), never=["segment-times-differ"])
 
 
 @reaches("segment-times-late")
 def film_moved_by_seconds(world):
-    """An older recorder may have stamped so."""
     return world.write(stamped(world, [0, 5, 20, 25]), never=["segment-times-differ"])
+
+
+@reaches("segment-times-late")
+def film_moved_by_minutes_behind_dropped_frames(world):
+    """What was never coded has no stamp."""
+    case = stamped(world, [0, 5, 310, 315])
+    case.find("segment", 1).fields["dropped"] = 1 << 32
+    case.refresh_totals()
+    return world.write(case, never=["segment-times-differ"])
 
 
 @reaches("segment-times-late")
@@ -1879,7 +1888,7 @@ def with_events(world, *events, mark_at=11 * SECOND):
     mark = case.find("mark")
     lines = []
     for at, text in events:
-        line, commitment = w.event_line(bytes(range(32)), {"time_ns": at, "utc": stamp.text_of(world.utc_ns + at), "kind": "mark", "text": text})
+        line, commitment = w.event_line(bytes(range(32)), {"time_ns": at, "utc": stamp.text_of(world.utc_ns), "kind": "mark", "text": text})
         lines.append(line)
         mark.fields["commitment"] = commitment if not lines[1:] else mark.fields["commitment"]
     sealed = next(entry for entry in case.steps if isinstance(entry, Entry) and entry.type == "segment" and entry.fields["stream"] == "events")
@@ -1907,6 +1916,16 @@ def an_event_that_stands_there_twice(world):
 @reaches("event-time-differs")
 def a_mark_that_states_an_earlier_moment(world):
     return with_events(world, (2 * SECOND, "clip placed"))
+
+
+@reaches("event-time-differs")
+def a_mark_that_states_the_earliest_moment(world):
+    return with_events(world, (-(1 << 63), "clip placed"))
+
+
+@reaches("event-time-differs")
+def a_mark_that_states_the_latest_moment(world):
+    return with_events(world, ((1 << 64) - 1, "clip placed"))
 
 
 @reaches("event-time-differs")

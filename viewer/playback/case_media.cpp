@@ -26,7 +26,7 @@ VideoIndex index_of(const archive::CaseReader& recording, const archive::StreamI
     const std::int64_t end_ns = segment.span.end_ns;
     if (recording.erasure_of(segment) == nullptr) {
       IndexedSegment indexed;
-      const auto first = media::first_picture_of(segment);
+      const auto first = media::first_picture_of(stream, segment);
       indexed.offset = clock.offset_of(segment);
       indexed.start = first ? first->stamp - *indexed.offset : ticks_of_ns(segment.span.start_ns);
       indexed.end = ticks_of_ns(end_ns) + (segment.counted ? kLongestSpread : kLongestEstimate);

@@ -93,6 +93,35 @@ TEST_F(StreamedSegments, WhatTheStoreDoesNotGiveIsUnreadableOrSaysNothing) {
   EXPECT_NE(files_.away(), "") << "nothing is known of the object";
 }
 
+// Whoever may put makes one: it says nothing of the store.
+TEST_F(StreamedSegments, WhatNobodyElseCanReadKeepsNoOtherCaseWaiting) {
+  server_.answer_with(refused("400 Bad Request", "InvalidRequest"));
+  files_.show(fetched_);
+  const archive::CaseFolder folder = archive::CaseFolder::open(fetched_.folder, files_);
+  EXPECT_EQ(folder.open_file(kSegment).problem, archive::FileProblem::kUnreadable);
+  EXPECT_THAT(files_.away(), IsEmpty());
+}
+
+TEST_F(StreamedSegments, NoneIsReadThatIsLongerThanAnySegment) {
+  fetched_.segments_left[kSegment].versions.front().bytes = std::uint64_t{5} << 30;
+  files_.show(fetched_);
+  const archive::CaseFolder folder = archive::CaseFolder::open(fetched_.folder, files_);
+  EXPECT_EQ(folder.open_file(kSegment).problem, archive::FileProblem::kUnreadable);
+  EXPECT_THAT(files_.away(), IsEmpty());
+  EXPECT_EQ(files_.bytes(), 0U);
+}
+
+TEST_F(StreamedSegments, OfSeveralVersionsThoseOfTheLedgersSizeAreRead) {
+  SegmentInStore& segment = fetched_.segments_left[kSegment];
+  segment.versions.insert(segment.versions.begin(), {segment.versions.front().key, "v2", 5'000'000, true});
+  segment.sha256 = crypto::sha256(bytes_of("first"));
+  segment.bytes = 5;
+  files_.show(fetched_);
+  const archive::CaseFolder folder = archive::CaseFolder::open(fetched_.folder, files_);
+  EXPECT_EQ(text_of_file(folder, kSegment), "first");
+  EXPECT_EQ(files_.bytes(), 5U);
+}
+
 TEST_F(StreamedSegments, AStoreThatIsAwayIsWaitedForByAllOfABatch) {
   server_.answer_with(refused("503 Service Unavailable", "SlowDown"));
   RenewalBatch batch{store_, folder_.path() / "scratch", {}};

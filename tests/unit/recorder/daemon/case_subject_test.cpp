@@ -119,21 +119,34 @@ TEST_F(CaseSubjectTest, ACaseThatGoesOnAfterACrashIsToldOfWhenItEnds) {
 TEST_F(CaseSubjectTest, TellsOfAnotherPatientWhoIsNamedMeanwhile) {
   source->known = somebody();
   subject.at_beginning({}, {}, GoesOn::kNo);
-  EXPECT_EQ(subject.contradicted(Clock::Time(1s)), std::nullopt) << "the same one";
+  EXPECT_EQ(subject.contradicted(Clock::Time(10s)), std::nullopt) << "the same one";
   source->known.reset();
-  EXPECT_EQ(subject.contradicted(Clock::Time(2s)), std::nullopt) << "nobody";
+  EXPECT_EQ(subject.contradicted(Clock::Time(20s)), std::nullopt) << "nobody";
   source->known = somebody();
   source->known->patient_id = "12";
-  EXPECT_EQ(subject.contradicted(Clock::Time(2s + 999ms)), std::nullopt) << "not yet a second later";
-  EXPECT_THAT(subject.contradicted(Clock::Time(3s)).value_or(""), HasSubstr("another patient for this room"));
-  EXPECT_EQ(subject.contradicted(Clock::Time(4s)), std::nullopt) << "once";
+  EXPECT_EQ(subject.contradicted(Clock::Time(29s)), std::nullopt) << "not yet ten seconds later";
+  EXPECT_THAT(subject.contradicted(Clock::Time(30s)).value_or(""),
+              HasSubstr("another patient for this room"));
+  EXPECT_EQ(subject.contradicted(Clock::Time(40s)), std::nullopt) << "once";
   EXPECT_EQ(subject.about(), somebody()) << "it stays about whom it was";
   // Whom a person gave stands against whatever messages say.
   subject.at_beginning({}, to_bytes(R"({"patient":{"id":"13"}})"), GoesOn::kNo);
-  EXPECT_EQ(subject.contradicted(Clock::Time(5s)), std::nullopt);
+  EXPECT_EQ(subject.contradicted(Clock::Time(50s)), std::nullopt);
   subject.at_beginning({}, {}, GoesOn::kNo);
   subject.given_while_running(to_bytes(R"({"patient":{"id":"13"}})"));
-  EXPECT_EQ(subject.contradicted(Clock::Time(6s)), std::nullopt);
+  EXPECT_EQ(subject.contradicted(Clock::Time(60s)), std::nullopt);
+}
+
+// A worklist drops a step that has begun.
+TEST_F(CaseSubjectTest, WhoIsPlannedForLaterIsNoOther) {
+  source->known = somebody();
+  source->known->planned = "2026-08-05T08:00:00+02:00";
+  subject.at_beginning({}, {}, GoesOn::kNo);
+  source->known->patient_id = "12";
+  source->known->planned = "2026-08-05T08:40:00+02:00";
+  EXPECT_EQ(subject.contradicted(Clock::Time(10s)), std::nullopt);
+  source->known->planned = "2026-08-05T07:40:00+02:00";
+  EXPECT_TRUE(subject.contradicted(Clock::Time(20s)));
 }
 
 // Around now is the next patient, as soon as they are booked.

@@ -515,11 +515,9 @@ class StatedProcedure : public ProcedureSource {
   [[nodiscard]] std::vector<ProcedureWay> ways() const override {
     return {{"worklist", false, "does not answer"}};
   }
-  void ended(const ProcedureData& data, UtcTime /*at*/) override {
-    const std::lock_guard guard(mutex_);
-    ended_of_.push_back(data.patient_id);
-  }
-  /// Of whom cases have ended since this was asked last.
+  void ended(const ProcedureData& data, UtcTime /*at*/) override { note(data.patient_id); }
+  void cut_off(const ProcedureData& data, UtcTime /*at*/) override { note("cut off " + data.patient_id); }
+  /// Of whom cases have ended, or were cut off, since this was asked last.
   std::vector<std::string> take_ended() {
     const std::lock_guard guard(mutex_);
     return std::exchange(ended_of_, {});
@@ -528,6 +526,10 @@ class StatedProcedure : public ProcedureSource {
   std::atomic<bool> broken = false;
 
  private:
+  void note(const std::string& one) {
+    const std::lock_guard guard(mutex_);
+    ended_of_.push_back(one);
+  }
   mutable std::mutex mutex_;
   std::vector<std::string> ended_of_;
   std::optional<ProcedureData> data_;
@@ -1152,7 +1154,7 @@ TEST_F(GoingOn, AfterACrashMonitorsAndPlanAreComparedWithWhomTheCaseWasAbout) {
 }
 
 // Else the patient is there still, and taken for the next case.
-TEST_F(GoingOn, WhomAnEarlierProcessRecordedIsNotedWithItsEndAndWithThatOfWhatGoesOn) {
+TEST_F(GoingOn, WhomAnEarlierProcessRecordedIsNotedAsCutOffAndAsEndedWithWhatGoesOn) {
   const Bytes subject = to_bytes(R"({"patient":{"id":"4711"}})");
   const Bytes sealed = crypto::seal_bytes(subject, bench.options().event_recipients);
   const KeptPatient kept{"20260805T081502Z-3f9c21ab",
@@ -1173,7 +1175,7 @@ TEST_F(GoingOn, WhomAnEarlierProcessRecordedIsNotedWithItsEndAndWithThatOfWhatGo
       next.resume->sealed_subject = sealed;
     }
     Room room(std::move(next), listener(), time);
-    EXPECT_THAT(procedure->take_ended(), testing::ElementsAre("4711"));
+    EXPECT_THAT(procedure->take_ended(), testing::ElementsAre("cut off 4711"));
     if (!goes_on) continue;
     ASSERT_TRUE(test::eventually([&] { return room.status().state == RoomState::kRecording; }));
     room.stop("operator", true);
@@ -1189,7 +1191,7 @@ TEST_F(GoingOn, AnotherPatientWhoIsNamedWhileACaseRunsIsTold) {
   const std::string id = room.start("operator");
   ASSERT_EQ(room.status().subject, SubjectState::kFound);
   procedure->state("next");
-  time.move(2s);
+  time.move(11s);
   expect_told(room, "name another patient for this room now");
   room.stop("operator", true);
   std::string events;

@@ -160,6 +160,21 @@ TEST_F(RoomOfMessages, WhereTheRoomRunsLateWhatWasRecordedKeepsNobodyWaiting) {
   EXPECT_EQ(room.find(now).value_or(ProcedureData()).patient_id, "Q");
 }
 
+// The recorder was started anew in the middle of an operation, which goes on.
+TEST_F(RoomOfMessages, WhoeverIsPlannedNextIsNotTakenForAnOperationThatWasCutOff) {
+  const UtcTime now = utc_now();
+  book("P", now - 70min);
+  book("Q", now + 5min);
+  ProcedureData about;
+  about.patient_id = "P";
+  about.patient_id_issuer = "H";
+  room.cut_off(about, now - 5min);
+  EXPECT_EQ(room.find(now), std::nullopt);
+  EXPECT_EQ(room.doubt(now), Doubt::kEarlierOpen);
+  room.ended(about, now - 1min);
+  EXPECT_EQ(room.find(now).value_or(ProcedureData()).patient_id, "Q") << "its case was ended";
+}
+
 TEST_F(RoomOfMessages, WhatWasRecordedHereLongAgoMayBeMeant) {
   const UtcTime now = utc_now();
   book("P", now);

@@ -184,6 +184,23 @@ TEST_F(MonitorReaderTest, AWrongClockIsKnownAfterSomeSeconds) {
   }
 }
 
+// A gateway sends each half minute what it was told since; another one states whole minutes.
+TEST_F(MonitorReaderTest, AWrongClockIsKnownThroughBurstsAndWholeMinutes) {
+  const auto two = [](int number) { return (number < 10 ? "0" : "") + std::to_string(number); };
+  VitalQuality quality = VitalQuality::kMissing;
+  for (int burst = 0; burst < 4; ++burst) {
+    for (int of = 0; of < 6; ++of) {
+      const int second = burst * 30 + of * 5;
+      quality = quality_at(burst * 30 + 25, "2026010109" + two(second / 60) + two(second % 60));
+    }
+  }
+  EXPECT_EQ(quality, VitalQuality::kGood);
+  reader_ = MonitorReader("bed 4", minutes(0));
+  for (int second = 5; second < 300; second += 10)
+    quality = quality_at(second, "2026010109" + two(second / 60) + "00");
+  EXPECT_EQ(quality, VitalQuality::kGood);
+}
+
 TEST_F(MonitorReaderTest, WhatWasMeasuredBeforeTheRecordingIsQuestionable) {
   EXPECT_EQ(quality_at(0, "20260101120000", "20260101114000"), VitalQuality::kQuestionable);
   EXPECT_EQ(quality_at(600, "20260101121000", "20260101120300"), VitalQuality::kGood)

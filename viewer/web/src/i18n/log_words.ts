@@ -25,6 +25,16 @@ export const kDeeds: readonly SentencePair[] = [
   ['took an excerpt, sealed as it is', '封印されたまま抜粋を取得'],
   ['excerpt for a new reader', '新しい受信者のための抜粋を作成'],
   ['made a receipt', '控えを作成'],
+  ['found the legal hold of {count} of the case lifted in the store, {key}, and set it again', '保存先で法的保全が解除されていたため再設定（{count}、{key}）'],
+  [
+    'found the legal hold of {count} of the case lifted in the store, {key}, and could not set it again everywhere',
+    '保存先で法的保全が解除されており、すべては再設定できなかった（{count}、{key}）',
+  ],
+  ['found the lock of {count} of the case lifted in the store, {key}, and set it again', '保存先でロックが解除されていたため再設定（{count}、{key}）'],
+  [
+    'found the lock of {count} of the case lifted in the store, {key}, and could not set it again everywhere',
+    '保存先でロックが解除されており、すべては再設定できなかった（{count}、{key}）',
+  ],
   ['read the light of a display in the pictures', '映像中の表示コードを読取り'],
   ['read the codes of a display in the pictures and the sound', '映像と音声中の表示コードを読取り'],
   ['opened to calibrate a lens', 'レンズの校正のために開封'],

@@ -60,6 +60,7 @@ const kByCode: Record<string, LinkName> = {
 };
 const kByPrefix: readonly [string, LinkName][] = [
   ['segment', 'segments'],
+  ['event-', 'segments'],
   ['stream', 'segments'],
   ['file-', 'segments'],
   ['erased-', 'segments'],
