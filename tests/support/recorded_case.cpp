@@ -36,7 +36,8 @@ archive::SegmentEntry write_segment(archive::CaseWriter& writer, const std::vect
   entry.span = {start, start + kSecondNs};
   const archive::MediaUnit unit = archive::unit_of_media(stream.media);
   entry.time_base = unit.time_base;
-  entry.first_pts = stream.first_pts.empty() ? static_cast<std::int64_t>(index) * unit.per_second
+  entry.first_pts = stream.first_pts.empty() ? start / kSecondNs * unit.per_second +
+                                                   start % kSecondNs * unit.per_second / kSecondNs
                                              : stream.first_pts.at(index);
   entry.frames = stream.units[index];
   entry.counts_samples = stream.kind == "vitals";
