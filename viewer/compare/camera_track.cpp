@@ -7,6 +7,17 @@
 
 namespace kiroku::compare {
 
+namespace {
+
+/// Points that are held within this of where the camera sees them agree with it.
+constexpr double kAgreePx = 0.75;
+/// A point that is farther from where the others have it was taken along by what passed over it.
+constexpr double kAstrayPx = 1.5;
+/// As many must agree without it: fewer would agree with many a camera.
+constexpr std::size_t kLeastAgreeing = 5;
+
+}  // namespace
+
 CameraTrack::CameraTrack(PickedRegistration picked, int width, int height)
     : picked_(std::move(picked)),
       width_(width),
@@ -44,11 +55,18 @@ void CameraTrack::follow(std::int64_t time_ns, const media::PictureView& picture
   if (lost_ns_) return;
   hold_->follow(picture);
   std::vector<PickedPoint> held;
+  std::vector<std::size_t> which;
   for (std::size_t i = 0; i < picked_.points.size(); ++i) {
-    if (hold_->points()[i]) held.push_back({picked_.points[i].organ_m, *hold_->points()[i]});
+    if (!hold_->points()[i]) continue;
+    held.push_back({picked_.points[i].organ_m, *hold_->points()[i]});
+    which.push_back(i);
   }
   try {
-    const Registration now = register_camera(held, width_, height_, registration_.field_deg);
+    Registration now = register_camera(held, width_, height_, registration_.field_deg);
+    while (const auto astray = without_astray(held, now)) {
+      hold_->drop(which[*astray]);
+      which.erase(which.begin() + static_cast<std::ptrdiff_t>(*astray));
+    }
     if (now.rms_px <= kLostPx) {
       largest_rms_px_ = std::max(largest_rms_px_, now.rms_px);
       moments_.push_back({time_ns, now.camera});
@@ -58,6 +76,31 @@ void CameraTrack::follow(std::int64_t time_ns, const media::PictureView& picture
     // What is still held does not make a camera.
   }
   lost_ns_ = time_ns;
+}
+
+std::optional<std::size_t> CameraTrack::without_astray(std::vector<PickedPoint>& held,
+                                                       Registration& now) const {
+  if (held.size() <= kLeastAgreeing || std::ranges::max(now.error_px) <= kAgreePx) return {};
+  std::optional<std::size_t> astray;
+  Registration best;
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    std::vector<PickedPoint> others = held;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
+    try {
+      Registration without = register_camera(others, width_, height_, registration_.field_deg);
+      if (astray && without.rms_px >= best.rms_px) continue;
+      best = std::move(without);
+      astray = i;
+    } catch (const UsageError&) {
+      // The others alone make no camera.
+    }
+  }
+  if (!astray || std::ranges::max(best.error_px) > kAgreePx) return {};
+  const auto expected = pixel_of(best.camera, held[*astray].organ_m, width_, height_);
+  if (expected && (*expected - held[*astray].pixel).norm() <= kAstrayPx) return {};
+  held.erase(held.begin() + static_cast<std::ptrdiff_t>(*astray));
+  now = std::move(best);
+  return astray;
 }
 
 const sim::Camera& CameraTrack::camera_at(std::int64_t time_ns) const {

@@ -28,9 +28,9 @@ class CameraTrack {
   CameraTrack(PickedRegistration picked, int width, int height);
 
   /// Every picture of the recording from before the picked one on, in order of time. From then on the points
-  /// are held by optical flow and each picture is registered by those still held. Once they are fewer than
-  /// four, or the camera does not fit them within kLostPx, the registration is lost: from there on the last
-  /// camera stands.
+  /// are held by optical flow and each picture is registered by those still held. One that a tool took along
+  /// is dropped, for good, where at least five others agree without it. Once they are fewer than four, or the
+  /// camera does not fit them within kLostPx, the registration is lost: from there on the last camera stands.
   void take(std::int64_t time_ns, const media::PictureView& picture);
   /// After the last picture.
   void finish();
@@ -55,6 +55,9 @@ class CameraTrack {
   };
   void begin_hold(std::int64_t time_ns, const media::PictureView& picture);
   void follow(std::int64_t time_ns, const media::PictureView& picture);
+  /// Takes the point out of `held` that disagrees with all others, and registers `now` without it; which one.
+  [[nodiscard]] std::optional<std::size_t> without_astray(std::vector<PickedPoint>& held,
+                                                          Registration& now) const;
 
   PickedRegistration picked_;
   int width_, height_;

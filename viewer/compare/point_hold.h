@@ -28,6 +28,8 @@ class PointHold {
   /// around it could tell where it went, or followed back it does not come out within a pixel of where it
   /// was. Throws kiroku::Error for a picture of another size.
   void follow(const media::PictureView& picture);
+  /// Loses a point, for good.
+  void drop(std::size_t point) { points_[point].reset(); }
   /// Where each point is now; nothing for one that was lost.
   [[nodiscard]] const std::vector<std::optional<Eigen::Vector2d>>& points() const { return points_; }
 

@@ -102,6 +102,44 @@ TEST(CameraTrack, FollowsTheCamera) {
   }
 }
 
+/// A tool's tip over the sheet: as bright as nothing else.
+std::vector<std::uint8_t> with_tip(std::vector<std::uint8_t> rgb, const Eigen::Vector2d& at) {
+  constexpr double kRadiusPx = 9;
+  for (int row = 0; row < kSheetHeight; ++row) {
+    for (int column = 0; column < kSheetWidth; ++column) {
+      const double off = (Eigen::Vector2d(column, row) - at).norm() / kRadiusPx;
+      if (off > 1) continue;
+      const auto pixel = static_cast<std::ptrdiff_t>(3 * (row * kSheetWidth + column));
+      std::fill_n(rgb.begin() + pixel, 3, static_cast<std::uint8_t>(255 - 120 * off * off));
+    }
+  }
+  return rgb;
+}
+
+TEST(CameraTrack, DropsWhatATipTakesAlong) {
+  PickedRegistration picked = picked_on_sheet(0);
+  for (const auto& [x, z] : {std::pair{0.0, -0.004}, {-0.005, 0.001}})
+    picked.points.push_back({{x, 0, z}, on_sheet(camera_on_its_way(0), x, z)});
+  CameraTrack track(picked, kSheetWidth, kSheetHeight);
+  const auto sheet = test::picture_of_sheet(camera_on_its_way(0));
+  const Eigen::Vector2d passed = picked.points.back().pixel;
+  bool is_taken = false;
+  PointHold alone(view(with_tip(sheet, passed)), std::span(&passed, 1));
+  track.take(0, view(with_tip(sheet, passed)));
+  for (int i = 1; i <= kPictures; ++i) {
+    const auto picture = with_tip(sheet, passed + Eigen::Vector2d(0.8 * i, 0.2 * i));
+    track.take(10 * i, view(picture));
+    alone.follow(view(picture));
+    is_taken |= alone.points()[0] && (*alone.points()[0] - passed).norm() > 8;
+    const sim::Camera& found = track.camera_at(10 * i);
+    for (const auto& [x, z] : {std::pair{0.0, 0.0}, {0.006, 0.004}})
+      EXPECT_LT((on_sheet(found, x, z) - on_sheet(camera_on_its_way(0), x, z)).norm(), 1) << i;
+  }
+  track.finish();
+  EXPECT_TRUE(is_taken) << "the flow alone goes along with the tip";
+  EXPECT_FALSE(track.lost_ns().has_value());
+}
+
 TEST(CameraTrack, SaysWhenItLostTheOrgan) {
   CameraTrack track(picked_on_sheet(0), kSheetWidth, kSheetHeight);
   const auto sheet = test::picture_of_sheet(camera_on_its_way(0));
