@@ -131,6 +131,7 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                         },
                         [&](const RecoveredEntry& recovered) {
                           recovered_ = true;
+                          if (marks_ != nullptr) marks_->take_recovered(before_ns_);
                           tokens_.take_recovered();
                           for (auto& [name, its] : streams_) {
                             its.take_recovered();
@@ -186,7 +187,7 @@ void CaseRules::check_common(const CaseEntry& entry, std::uint64_t number, const
                        std::to_string(last_mono_ns_ - entry.at.mono_ns) +
                        " ns before that of the entry before it");
   }
-  last_mono_ns_ = std::max(last_mono_ns_, entry.at.mono_ns);
+  before_ns_ = std::exchange(last_mono_ns_, std::max(last_mono_ns_, entry.at.mono_ns));
   if (last_utc_ && entry.at.utc < *last_utc_ && !clock_step_stated_ &&
       !std::holds_alternative<ClockEntry>(entry.body)) {
     findings_->add("utc-went-back", in_ledger(number, line.offset),
@@ -234,6 +235,7 @@ void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::ui
     StreamRules& its =
         streams_.emplace(each.name, StreamRules(each, scope_.whole_case, *findings_)).first->second;
     if (scope_.from_open) its.begin_at_open();
+    if (marks_ != nullptr && its.is_of_marks() && !is_pointing(each)) marks_->take_stream();
   }
   try {
     device_ = crypto::VerifierKey::parse(open.device);
@@ -278,7 +280,8 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
     return;
   }
   named_.insert(segment.file.file);
-  if (marks_ != nullptr && its->is_of_marks() && !is_pointing(*its->info())) marks_->take_segment(segment);
+  if (marks_ != nullptr && its->is_of_marks() && !is_pointing(*its->info()))
+    marks_->take_segment(segment, number);
   // What recovery finds it takes to end by its own time, too.
   if (its->info()->timing == "arrival" && segment.span.end_ns - last_mono_ns_ > kFutureToleranceNs) {
     findings_->add("segment-in-future", {std::string(kLedgerFile), number},
@@ -330,6 +333,7 @@ void CaseRules::take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::u
   }
   if (clock.step_ns != 0) {
     clock_step_stated_ = true;
+    if (marks_ != nullptr) marks_->take_step(mono_ns);
     stepped_ns_ += static_cast<double>(clock.step_ns);
     tokens_.take_step(clock.step_ns, mono_ns);
     findings_->add("clock-stepped", in_ledger(number),

@@ -145,6 +145,7 @@ class CaseRules {
   std::unordered_set<std::string> named_;
   std::set<std::string> authorities_;
   std::int64_t last_mono_ns_ = 0, opened_ns_ = 0, closed_ns_ = 0;
+  std::int64_t before_ns_ = 0;  // of the entry before the last one
   std::optional<std::uint64_t> first_checked_segment_, last_checked_segment_;
   // Where the oldest segment within the scope begins, of all but those of marks, and of all before each
   // token.

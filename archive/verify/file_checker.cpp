@@ -384,7 +384,10 @@ std::optional<FileChecker::LookedInside> FileChecker::look_inside(const FileJob&
     }
     return std::nullopt;
   }
-  if (is_of_events && job.segment->complete) marks_->take_lines(std::move(lines), job.expected.file);
+  if (is_of_events) {
+    if (job.segment->complete) lines.end();
+    marks_->take_lines(std::move(lines), job.expected.file);
+  }
   if (!options_->inspect) {
     return LookedInside::kDecrypted;
   }
