@@ -404,6 +404,13 @@ TEST_F(ExporterTest, JoinsLinesAsTheyWereRecorded) {
   EXPECT_EQ(read_file(folder_ / "vitals.jsonl"), "{\"time_ns\":1}\n{\"time_ns\":2}\n{\"time_ns\":3}\n");
 }
 
+TEST_F(ExporterTest, SaysWhereSegmentsHoldEachOthersFilm) {
+  RecordedStream stream = transport_stream({.segments = 4});
+  std::swap(stream.segments[1], stream.segments[2]);
+  record({stream});
+  EXPECT_THAT(refusal("endoscope", "film.mkv"), HasSubstr("time stamps go back"));
+}
+
 TEST_F(ExporterTest, OfEventsTakesThoseToWhichTheLedgerCommits) {
   const auto line = [](const std::string& event) {
     return R"({"salt":")" + std::string(64, 'a') + R"(","event":")" + event + "\"}\n";
