@@ -141,7 +141,7 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                                              (recovered.truncated.empty()
                                                   ? ""
                                                   : ": " + in_quotation_marks(recovered.truncated)) +
-                                             signed_late_text(number));
+                                             take_signed_late(number));
                         },
                         [&](const CloseEntry& close) { take_close(close, entry, number); },
                         [&](const MarkEntry& mark) {
@@ -150,15 +150,20 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
              entry.body);
 }
 
-// Notes cannot be made up without the device's key: those that are there bound what was signed by then. Of an
-// excerpt the last one before its lines may be left out.
-std::string CaseRules::signed_late_text(std::uint64_t recovered) const {
-  const std::uint64_t first = checkpoints_->covered();
-  if (!scope_.whole_case || first >= recovered) {
-    return {};
-  }
-  return "; the entries from " + std::to_string(first) + " to " + std::to_string(recovered - 1) +
-         " had no signature until then, so whoever could write to the disk meanwhile could have made them";
+// Notes cannot be made up without the device's key: those that are there bound what was signed by then. An
+// excerpt shows less: whoever makes one may leave a note out.
+std::string CaseRules::take_signed_late(std::uint64_t recovered) {
+  const std::uint64_t first = std::max(checkpoints_->covered(), scope_.first_line);
+  if (first >= recovered) return {};
+  // A second `recovered` signs what the first one had not come to sign.
+  if (!signed_late_.empty() && signed_late_.back().first == first) signed_late_.pop_back();
+  signed_late_.push_back({first, recovered - 1});
+  const std::string entries =
+      "the entries from " + std::to_string(first) + " to " + std::to_string(recovered - 1);
+  return "; " +
+         (scope_.whole_case ? entries + " had no signature until then"
+                            : "this excerpt shows no signature over " + entries + " from before that") +
+         ", so whoever could write to the disk meanwhile could have made them";
 }
 
 void CaseRules::count_broken_line(std::uint64_t number) {
@@ -292,6 +297,7 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
   if (!scope_.wanted || scope_.wanted(segment)) {
     first_checked_segment_ = first_checked_segment_.value_or(number);
     last_checked_segment_ = number;
+    found_segments_ += segment.counted ? 0 : 1;
     oldest_ns_ = std::min(oldest_ns_.value_or(segment.span.start_ns), segment.span.start_ns);
     // Whether a film was read from a file, or was found, rests on the recorder's word, too.
     if (!its->is_of_marks()) {
@@ -698,6 +704,8 @@ void CaseRules::describe(VerificationReport& report) const {
   report.own_tokens = tokens_.own_count();
   report.authorities = tokens_.authorities();
   report.proving_tokens = tokens_.proving();
+  report.signed_late = signed_late_;
+  report.found_segments = found_segments_;
 }
 
 }  // namespace kiroku::archive

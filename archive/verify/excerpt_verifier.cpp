@@ -42,7 +42,7 @@ class ExcerptVerification {
         checkpoints_(folder, options, findings_, note_sizes(listing_), are_notes_listed(listing_)),
         files_(folder, options, findings_, bytes_in(listing_)),
         rules_(folder, options, findings_, checkpoints_, files_,
-               {false, document_.first_entry <= 1,
+               {false, document_.first_entry <= 1, document_.first_entry,
                 [this](const SegmentEntry& segment) { return select(segment); },
                 [this](const std::string& file) {
                   return present_.contains(file + std::string(kOriginalHeaderSuffix));

@@ -153,6 +153,7 @@ void FileChecker::check_one(const FileJob& job) {
       } else if (how_far) {
         const std::lock_guard lock(mutex_);
         ++contents_.opened;
+        ++contents_.opened_of[job.segment->stream];
         contents_.decoded += *how_far == LookedInside::kDecoded ? 1U : 0U;
       }
     } else if (!hashed->fits) {
