@@ -211,9 +211,9 @@ void EventMarks::judge_marks(const EventsShown& shown, FindingList& findings) {
   }
   if (not_asked == 0) return;
   findings.add("events-not-compared", {std::string(kLedgerFile), first_not_asked},
-               "the events of " + std::to_string(not_asked) + " mark entries, the first of entry " +
-                   std::to_string(first_not_asked) +
-                   ", are in no segment that was opened, and no segment that must hold them is there whole");
+               "no segment that was opened holds the event of " + std::to_string(not_asked) +
+                   (not_asked == 1 ? " mark entry, " : " mark entries, the first of them ") +
+                   std::to_string(first_not_asked) + ", and none that must hold it is there whole");
 }
 
 }  // namespace kiroku::archive
