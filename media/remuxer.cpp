@@ -1,6 +1,7 @@
 #include "media/remuxer.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <utility>
 #include <vector>
 
@@ -152,8 +153,21 @@ void Remuxer::copy(SegmentInput& input, Ticks shift, bool tolerate_cut) {
     packet->stream_index = to_index;
     packet->pos = -1;
     av_packet_rescale_ts(packet.get(), ticks, context_->streams[to_index]->time_base);
-    check(av_interleaved_write_frame(context_.get(), packet.get()), "cannot write");
+    const std::int64_t stamp = packet->dts;
+    const int written = av_interleaved_write_frame(context_.get(), packet.get());
+    if (written == AVERROR(EINVAL) && goes_back(to_index, stamp)) {
+      throw Error("cannot join the segments of " + name_ +
+                  ": their time stamps go back, as where one holds what was recorded before it; 'kiroku "
+                  "verify --identity' says which does not hold, and --from and --to leave it out");
+    }
+    check(written, "cannot write");
+    if (stamp != AV_NOPTS_VALUE) latest_[to_index] = stamp;
   }
+}
+
+bool Remuxer::goes_back(int stream, std::int64_t stamp) const {
+  const auto latest = latest_.find(stream);
+  return stamp != AV_NOPTS_VALUE && latest != latest_.end() && stamp <= latest->second;
 }
 
 void Remuxer::finish() {

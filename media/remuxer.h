@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <string>
 
 #include "media/media_ticks.h"
@@ -40,6 +41,8 @@ class Remuxer {
  private:
   void open(SegmentInput& input);
   void check(int result, const std::string& what) const;
+  /// Whether a stream of the output had a packet of this time stamp, or a later one.
+  [[nodiscard]] bool goes_back(int stream, std::int64_t stamp) const;
 
   std::string name_;
   Container container_;
@@ -47,6 +50,7 @@ class Remuxer {
   OutputContext context_;
   std::function<void(Ticks time)> on_picture_;
   std::uint64_t frames_ = 0;
+  std::map<int, std::int64_t> latest_;  // time stamps of packets, by stream of the output
 };
 
 }  // namespace kiroku::media

@@ -126,7 +126,9 @@ int export_one(const Request& request, const std::optional<Home>& home, const ar
       << clock_set_words(recording.wall_clock(), begins_ns)
       << "Its segments have the hashes that the ledger states; whether the case holds was not verified: "
          "'kiroku verify' does that.\n";
-  if (result.left_out > 0) {
+  if (result.left_out > 0 && recording.stream(options.stream).kind == "events") {
+    std::cout << result.left_out << " " << media::kLeftOutOfEvents << "\n";
+  } else if (result.left_out > 0) {
     std::cout
         << result.left_out
         << " lines are texts, alarms, messages or notices and have no place in a table; export .jsonl to "
@@ -135,10 +137,13 @@ int export_one(const Request& request, const std::optional<Home>& home, const ar
   return kDone;
 }
 
-ordered_json verification_of(const Request& request, const archive::CaseReader& recording) {
-  const JudgingRequest as_usual;
+/// As `kiroku verify` says with the same keys: who has them reads what is in the files.
+ordered_json verification_of(const Request& request, const archive::CaseReader& recording,
+                             const crypto::AgeIdentities& identities) {
+  JudgingRequest with_the_keys;
+  with_the_keys.opened = &identities;
   const VerifyExtras extras = verify_extras(std::make_shared<std::optional<std::string>>(request.home));
-  const Judge judge(as_usual, extras);
+  const Judge judge(with_the_keys, extras);
   const archive::VerificationReport report = judge.judge(recording.folder()).report;
   if (report.lines_root != recording.lines_root()) {
     throw Error(
@@ -147,13 +152,23 @@ ordered_json verification_of(const Request& request, const archive::CaseReader& 
         "writes to it");
   }
   const ordered_json whole = archive::report_json(report);
-  ordered_json verification{{"verdict", whole["verdict"]},
-                            {"time", whole["time"]},
-                            {"entries", report.entries},
-                            {"ledger_root", nullptr},
-                            {"findings", whole["findings"]}};
+  ordered_json verification{{"verdict", whole["verdict"]},   {"time", whole["time"]},
+                            {"entries", report.entries},     {"ledger_root", nullptr},
+                            {"contents", whole["contents"]}, {"findings", whole["findings"]}};
   if (report.lines_root) verification["ledger_root"] = crypto::to_hex(*report.lines_root);
   return verification;
+}
+
+/// Of events to which no entry commits. What has no place in a table is in the lines beside it.
+std::string left_out_words(const ordered_json& manifest) {
+  std::string out;
+  for (const ordered_json& file : manifest["files"]) {
+    const std::string name = file["file"];
+    if (!file.contains("left_out") || name.ends_with(".csv")) continue;
+    out += "Of " + printable(name) + ": " + std::to_string(file["left_out"].get<std::uint64_t>()) + " " +
+           media::kLeftOutOfEvents + ".\n";
+  }
+  return out;
 }
 
 int export_all(const Request& request, const std::optional<Home>& home, const archive::CaseReader& recording,
@@ -167,7 +182,7 @@ int export_all(const Request& request, const std::optional<Home>& home, const ar
   options.program = "kiroku " + std::string(version());
   const crypto::AgeIdentities identities = load_identities(request.identities, home);
   options.purpose = request.purpose;
-  options.verification = verification_of(request, recording);
+  options.verification = verification_of(request, recording, identities);
   const bool is_entered = enter_purpose(home, recording.folder(), request.purpose, "exported every stream");
   media::CaseExportResult result;
   {
@@ -194,7 +209,7 @@ int export_all(const Request& request, const std::optional<Home>& home, const ar
             << "; time 0 of all is " << archive::case_time_text(zero_ns, recording.opening().begins_ns)
             << " of the case, whose verdict is " << verdict << ". " << media::kExportManifest
             << " says where each begins.\n"
-            << missing_words(recording, stretch, result.manifest)
+            << missing_words(recording, stretch, result.manifest) << left_out_words(result.manifest)
             << clock_set_words(recording.wall_clock(), recording.opening().begins_ns);
   return status;
 }
@@ -250,8 +265,9 @@ void add_export_command(Command& program) {
       "reckoned "
       "with.");
   command.explain(
-      "--all verifies the case first; of one that was tampered with the exit status is 1, though it is "
-      "exported. manifest.json says what was found, where each file begins on the "
+      "--all verifies the case first, with the keys that were given, so that every segment of the case is "
+      "decrypted and decoded; of one that was tampered with the exit status is 1, though it is exported. "
+      "manifest.json says what was found, where each file begins on the "
       "case's clock and in UTC by the ledger, gaps, and the SHA-256 of each file; NAME.frames.csv says when "
       "each picture is shown.");
   command.explain(

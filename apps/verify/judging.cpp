@@ -91,6 +91,8 @@ Judge::Judge(const JudgingRequest& request, const VerifyExtras& extras) : reques
       identities_.push_back(std::move(identity));
     }
   }
+  if (request.opened != nullptr)
+    identities_.insert(identities_.end(), request.opened->begin(), request.opened->end());
   against_ = load_kept_outside(request.against);
   if (request.log_proof) {
     log_proof_ = {*request.log_proof,

@@ -11,6 +11,7 @@
 #include "apps/verify/outside_note.h"
 #include "apps/verify/verify_command.h"
 #include "apps/verify/witness_judgement.h"
+#include "crypto/age_recipient.h"
 #include "crypto/hash.h"
 #include "evidence/record_verifier.h"
 
@@ -20,7 +21,9 @@ namespace kiroku::apps {
 struct JudgingRequest {
   std::vector<std::string> devices, trust, own_authority, untrusted, identities, against;
   std::optional<std::string> log, threads, evidence, policy, log_proof;
-  std::optional<std::string> witnesses;         // in a home its cosigned note is compared, too
+  std::optional<std::string> witnesses;  // in a home its cosigned note is compared, too
+  /// Opened already, beside the files of `identities`; null: none. Must outlive the Judge.
+  const crypto::AgeIdentities* opened = nullptr;
   bool as_log = false;                          // the folder is an appliance log
   const archive::FileReading* files = nullptr;  // as VerifyOptions::files
   /// Nothing by which another verdict can come out than by the defaults.

@@ -213,6 +213,31 @@ std::string clock_lines(const VerificationReport& report) {
   return out;
 }
 
+/// What anybody who could write to the disk may have made before the device signed it.
+std::string signed_late_lines(const VerificationReport& report) {
+  std::string out;
+  constexpr std::size_t kMost = 3;
+  for (std::size_t i = 0; i < std::min(report.signed_late.size(), kMost); ++i) {
+    const archive::SignedLate& late = report.signed_late[i];
+    const std::string entries = late.first == late.last ? "entry " + std::to_string(late.first)
+                                                        : "entries " + std::to_string(late.first) + " to " +
+                                                              std::to_string(late.last);
+    out += line("", (report.excerpt ? entries + ": the excerpt shows no signature from before recording was "
+                                                "found cut off"
+                                    : entries + " NOT until recording was found cut off") +
+                        "; whoever could write to the disk by then could have made them");
+  }
+  if (const std::size_t count = report.signed_late.size(); count > kMost)
+    out += line(
+        "", "so could " + std::to_string(count - kMost) + " more stretches of entries (see the findings)");
+  if (report.found_segments > 0) {
+    out += line("", counted(report.found_segments, "segment", "segments") +
+                        " had no entry until recording was found cut off; whoever could write to the disk by "
+                        "then could have made them");
+  }
+  return out;
+}
+
 /// How far the segments were looked into.
 std::string contents_words(const archive::OpenedContents& contents, std::uint64_t listed) {
   const std::string others = listed > contents.segments ? "; " + std::to_string(listed - contents.segments) +
@@ -504,6 +529,7 @@ std::string report_text(const VerificationReport& report, const std::string& cas
   if (report.signatures != archive::SignaturesChecked::kNone) {
     out += line("signed by", signature_words(report.signatures));
   }
+  out += signed_late_lines(report);
   if (report.opened) out += line("opened", both_times(*report.opened) + ", by the recorder's clock");
   if (report.closed) out += line("closed", both_times(*report.closed) + ", by the recorder's clock");
   out += line("time", time_words(report));

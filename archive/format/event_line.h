@@ -17,7 +17,8 @@ struct EventLine {
   std::string event;                // JSON as a text
   crypto::Sha256Digest commitment;  // as its `mark` entry states it: over salt and event
 };
-/// Nothing where it is none: no JSON object with `salt`, in hexadecimal digits, and `event`, a text.
+/// Nothing where it is none: no JSON object of `salt`, 64 lower-case hexadecimal digits, and `event`, a text,
+/// each once and nothing else.
 std::optional<EventLine> parse_event_line(std::string_view line);
 
 }  // namespace kiroku::archive

@@ -474,6 +474,13 @@ ExcerptResult make_excerpt(const fs::path& case_folder, const ExcerptOptions& op
       notes.insert(token.checkpoint);
     }
   }
+  // What was signed when a recorder died, and what it signed as it came back: else nobody could tell the two.
+  const std::vector<std::uint64_t> all_notes = note_sizes(listing);
+  for (const std::uint64_t recovered : ledger.recovered) {
+    if (recovered < document.first_entry || recovered >= document.size) continue;
+    const auto behind = std::upper_bound(all_notes.begin(), all_notes.end(), recovered);
+    if (behind != all_notes.begin()) notes.insert(*std::prev(behind));
+  }
   for (const std::uint64_t size : notes) {
     copy_small(from, note_path(size), to);
     if (size <= document.first_entry) {

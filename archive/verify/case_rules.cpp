@@ -131,6 +131,7 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                         },
                         [&](const RecoveredEntry& recovered) {
                           recovered_ = true;
+                          if (marks_ != nullptr) marks_->take_recovered(before_ns_);
                           tokens_.take_recovered();
                           for (auto& [name, its] : streams_) {
                             its.take_recovered();
@@ -140,7 +141,7 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
                                              (recovered.truncated.empty()
                                                   ? ""
                                                   : ": " + in_quotation_marks(recovered.truncated)) +
-                                             signed_late_text(number));
+                                             take_signed_late(number));
                         },
                         [&](const CloseEntry& close) { take_close(close, entry, number); },
                         [&](const MarkEntry& mark) {
@@ -149,15 +150,20 @@ void CaseRules::take(const LedgerLine& line, std::uint64_t number) {
              entry.body);
 }
 
-// Notes cannot be made up without the device's key: those that are there bound what was signed by then. Of an
-// excerpt the last one before its lines may be left out.
-std::string CaseRules::signed_late_text(std::uint64_t recovered) const {
-  const std::uint64_t first = checkpoints_->covered();
-  if (!scope_.whole_case || first >= recovered) {
-    return {};
-  }
-  return "; the entries from " + std::to_string(first) + " to " + std::to_string(recovered - 1) +
-         " had no signature until then, so whoever could write to the disk meanwhile could have made them";
+// Notes cannot be made up without the device's key: those that are there bound what was signed by then. An
+// excerpt shows less: whoever makes one may leave a note out.
+std::string CaseRules::take_signed_late(std::uint64_t recovered) {
+  const std::uint64_t first = std::max(checkpoints_->covered(), scope_.first_line);
+  if (first >= recovered) return {};
+  // A second `recovered` signs what the first one had not come to sign.
+  if (!signed_late_.empty() && signed_late_.back().first == first) signed_late_.pop_back();
+  signed_late_.push_back({first, recovered - 1});
+  const std::string entries =
+      "the entries from " + std::to_string(first) + " to " + std::to_string(recovered - 1);
+  return "; " +
+         (scope_.whole_case ? entries + " had no signature until then"
+                            : "this excerpt shows no signature over " + entries + " from before that") +
+         ", so whoever could write to the disk meanwhile could have made them";
 }
 
 void CaseRules::count_broken_line(std::uint64_t number) {
@@ -186,7 +192,7 @@ void CaseRules::check_common(const CaseEntry& entry, std::uint64_t number, const
                        std::to_string(last_mono_ns_ - entry.at.mono_ns) +
                        " ns before that of the entry before it");
   }
-  last_mono_ns_ = std::max(last_mono_ns_, entry.at.mono_ns);
+  before_ns_ = std::exchange(last_mono_ns_, std::max(last_mono_ns_, entry.at.mono_ns));
   if (last_utc_ && entry.at.utc < *last_utc_ && !clock_step_stated_ &&
       !std::holds_alternative<ClockEntry>(entry.body)) {
     findings_->add("utc-went-back", in_ledger(number, line.offset),
@@ -234,6 +240,7 @@ void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::ui
     StreamRules& its =
         streams_.emplace(each.name, StreamRules(each, scope_.whole_case, *findings_)).first->second;
     if (scope_.from_open) its.begin_at_open();
+    if (marks_ != nullptr && its.is_of_marks() && !is_pointing(each)) marks_->take_stream();
   }
   try {
     device_ = crypto::VerifierKey::parse(open.device);
@@ -278,7 +285,8 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
     return;
   }
   named_.insert(segment.file.file);
-  if (marks_ != nullptr && its->is_of_marks() && !is_pointing(*its->info())) marks_->take_segment(segment);
+  if (marks_ != nullptr && its->is_of_marks() && !is_pointing(*its->info()))
+    marks_->take_segment(segment, number);
   // What recovery finds it takes to end by its own time, too.
   if (its->info()->timing == "arrival" && segment.span.end_ns - last_mono_ns_ > kFutureToleranceNs) {
     findings_->add("segment-in-future", {std::string(kLedgerFile), number},
@@ -289,6 +297,7 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
   if (!scope_.wanted || scope_.wanted(segment)) {
     first_checked_segment_ = first_checked_segment_.value_or(number);
     last_checked_segment_ = number;
+    found_segments_ += segment.counted ? 0 : 1;
     oldest_ns_ = std::min(oldest_ns_.value_or(segment.span.start_ns), segment.span.start_ns);
     // Whether a film was read from a file, or was found, rests on the recorder's word, too.
     if (!its->is_of_marks()) {
@@ -330,6 +339,7 @@ void CaseRules::take_clock(const ClockEntry& clock, std::int64_t mono_ns, std::u
   }
   if (clock.step_ns != 0) {
     clock_step_stated_ = true;
+    if (marks_ != nullptr) marks_->take_step(mono_ns);
     stepped_ns_ += static_cast<double>(clock.step_ns);
     tokens_.take_step(clock.step_ns, mono_ns);
     findings_->add("clock-stepped", in_ledger(number),
@@ -694,6 +704,8 @@ void CaseRules::describe(VerificationReport& report) const {
   report.own_tokens = tokens_.own_count();
   report.authorities = tokens_.authorities();
   report.proving_tokens = tokens_.proving();
+  report.signed_late = signed_late_;
+  report.found_segments = found_segments_;
 }
 
 }  // namespace kiroku::archive

@@ -30,6 +30,7 @@ class CaseRules {
   struct Scope {
     bool whole_case = true;
     bool from_open = true;                            // no entry behind `open` is left out
+    std::uint64_t first_line = 0;                     // of an excerpt: the number of its first line
     std::function<bool(const SegmentEntry&)> wanted;  // unset: all
     std::function<bool(const std::string& file)> rekeyed;
   };
@@ -94,7 +95,8 @@ class CaseRules {
   void describe(VerificationReport& report) const;
 
  private:
-  [[nodiscard]] std::string signed_late_text(std::uint64_t recovered) const;
+  /// Of the entries before `recovered` that had no signature when it was written.
+  std::string take_signed_late(std::uint64_t recovered);
   void judge_wall_clock();
   /// How much of what is judged no outside token was entered before: when that was recorded, the recorder
   /// alone says.
@@ -135,6 +137,8 @@ class CaseRules {
   Scope scope_;
   TokenRules tokens_;
   std::map<std::string, StreamRules> streams_;
+  std::vector<SignedLate> signed_late_;
+  std::uint64_t found_segments_ = 0;
   std::optional<OpenEntry> opening_;
   std::optional<crypto::VerifierKey> device_;
   std::optional<UtcTime> opened_, closed_, clock_zero_;
@@ -145,6 +149,7 @@ class CaseRules {
   std::unordered_set<std::string> named_;
   std::set<std::string> authorities_;
   std::int64_t last_mono_ns_ = 0, opened_ns_ = 0, closed_ns_ = 0;
+  std::int64_t before_ns_ = 0;  // of the entry before the last one
   std::optional<std::uint64_t> first_checked_segment_, last_checked_segment_;
   // Where the oldest segment within the scope begins, of all but those of marks, and of all before each
   // token.

@@ -14,6 +14,7 @@
 #include "archive/verify/case_evidence.h"
 #include "archive/verify/case_rules.h"
 #include "archive/verify/case_witnesses.h"
+#include "archive/verify/event_marks.h"
 #include "archive/verify/folder_names.h"
 #include "archive/verify/log_beside.h"
 #include "archive/verify/log_rules.h"
@@ -41,7 +42,7 @@ class ExcerptVerification {
         checkpoints_(folder, options, findings_, note_sizes(listing_), are_notes_listed(listing_)),
         files_(folder, options, findings_, bytes_in(listing_)),
         rules_(folder, options, findings_, checkpoints_, files_,
-               {false, document_.first_entry <= 1,
+               {false, document_.first_entry <= 1, document_.first_entry,
                 [this](const SegmentEntry& segment) { return select(segment); },
                 [this](const std::string& file) {
                   return present_.contains(file + std::string(kOriginalHeaderSuffix));
@@ -50,7 +51,11 @@ class ExcerptVerification {
         outside_(options.log ? options_of_case_ : options, findings_),
         log_proof_(options, by_log_),
         selected_streams_(document_.streams.begin(), document_.streams.end()),
-        tree_(crypto::MerkleFrontier::after(document_.first_entry, document_.left)) {}
+        tree_(crypto::MerkleFrontier::after(document_.first_entry, document_.left)) {
+    if (options.identities == nullptr) return;
+    files_.compare_events(marks_);
+    rules_.compare_events(marks_);
+  }
 
   VerificationReport run() {
     std::optional<ReadableFile> open_file = open(kExcerptOpenFile);
@@ -69,6 +74,7 @@ class ExcerptVerification {
     const std::vector<MissingFile> missing = files_.finish();
     if (!rules_.gave_up()) {
       rules_.judge_missing(missing);
+      compare_events();
     }
     // Without the lines nothing says what is named.
     if (!rules_.gave_up() && !lines_unread_) {
@@ -86,6 +92,14 @@ class ExcerptVerification {
       paths.insert(file.path);
     }
     return paths;
+  }
+
+  void compare_events() {
+    const bool leaves_lines_out = document_.first_entry > 1;
+    marks_.finish({.is_whole = false,
+                   .begins_ns = leaves_lines_out ? std::optional(lines_begin_ns_) : std::nullopt,
+                   .stretch = Span{document_.from_ns, document_.to_ns}},
+                  findings_);
   }
 
   std::optional<ReadableFile> open(std::string_view file) {
@@ -438,6 +452,7 @@ class ExcerptVerification {
   bool lines_unread_ = false;                 // they are there, and nobody could read them
   std::int64_t lines_begin_ns_ = 0;
   CheckpointRules checkpoints_;
+  EventMarks marks_;
   FileChecker files_;
   CaseRules rules_;
   VerifyOptions options_of_case_;  // without the notes of logs

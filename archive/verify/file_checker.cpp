@@ -153,6 +153,7 @@ void FileChecker::check_one(const FileJob& job) {
       } else if (how_far) {
         const std::lock_guard lock(mutex_);
         ++contents_.opened;
+        ++contents_.opened_of[job.segment->stream];
         contents_.decoded += *how_far == LookedInside::kDecoded ? 1U : 0U;
       }
     } else if (!hashed->fits) {
@@ -384,7 +385,10 @@ std::optional<FileChecker::LookedInside> FileChecker::look_inside(const FileJob&
     }
     return std::nullopt;
   }
-  if (is_of_events && job.segment->complete) marks_->take_lines(std::move(lines), job.expected.file);
+  if (is_of_events) {
+    if (job.segment->complete) lines.end();
+    marks_->take_lines(std::move(lines), job.expected.file);
+  }
   if (!options_->inspect) {
     return LookedInside::kDecrypted;
   }

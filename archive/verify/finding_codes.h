@@ -229,13 +229,17 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"totals-differ", Severity::kTampered,
      "close states other totals than the segments add up to, of an excerpt less than its lines show"},
     {"event-missing", Severity::kUnproven,
-     "a mark entry commits to an event that no sealed events segment holds, although all of them open and "
-     "the "
-     "recorder came to its end"},
+     "a mark entry commits to an event that no sealed events segment holds, although those that must hold it "
+     "open"},
     {"event-not-committed", Severity::kUnproven,
      "a sealed events segment holds a line to which no mark entry commits, or more often than entries do"},
     {"event-time-differs", Severity::kNote,
-     "an event states a time that is more than 5 s before its mark entry was written, or after it"},
+     "an event states a time that is more than 5 s before its mark entry was written, or after it, or "
+     "another "
+     "UTC"},
+    {"events-not-compared", Severity::kNote,
+     "events and mark entries that were not compared: recording was cut off, or an excerpt does not show the "
+     "others"},
     {"segment-undecryptable", Severity::kTampered, "a segment with the right hash does not decrypt"},
     {"segment-not-for-recipient", Severity::kTampered,
      "open names a recipient of the stream, whose identity was given and does not open a segment of it"},

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -127,6 +128,7 @@ struct OpenedContents {
   /// Of those: decoded, and found to hold as many frames as the ledger states. 0 where the program has no
   /// decoders.
   std::uint64_t decoded = 0;
+  std::map<std::string, std::uint64_t> opened_of = {};  // by stream; none of which 0 were
 };
 
 /// One time-stamp of an evidence record.
@@ -194,6 +196,12 @@ struct JudgedNote {
   crypto::Sha256Digest root{}, sha256{};  // the root; the hash of the file's bytes
 };
 
+/// Entries that nobody had signed when a recorder found its case cut off, and signed what it found. Of an
+/// excerpt: over which it shows no signature from before that.
+struct SignedLate {
+  std::uint64_t first = 0, last = 0;
+};
+
 struct VerificationReport {
   Verdict verdict = Verdict::kTampered;
   std::string case_id;
@@ -214,6 +222,9 @@ struct VerificationReport {
   std::uint64_t outside_tokens = 0, own_tokens = 0;  // of `tokens`: valid under trusted roots, by whose
   std::vector<StreamReport> streams;                 // of an excerpt: of the selected streams, what it holds
   std::optional<ExcerptReport> excerpt;              // of an excerpt whose excerpt.json could be read
+  std::vector<SignedLate> signed_late;               // in the ledger's order
+  /// Segments that had no entry until then; of an excerpt those that it should hold.
+  std::uint64_t found_segments = 0;
   /// Segments of an excerpt that were sealed anew. What has the hash of such a segment's entry is not its
   /// file, but the original header beside it, and the file behind its own header. Counted where it has.
   std::uint64_t rekeyed_segments = 0;

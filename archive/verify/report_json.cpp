@@ -184,6 +184,10 @@ ordered_json report_json(const VerificationReport& report) {
                                             {"entries", report.in_log->entries}}
                              : ordered_json(nullptr);
   out["proved_entries"] = report.proved_entries;
+  out["signed_late"] = ordered_json::array();
+  for (const SignedLate& late : report.signed_late)
+    out["signed_late"].push_back({{"first_entry", late.first}, {"last_entry", late.last}});
+  out["found_segments"] = report.found_segments;
   out["contents"] = report.contents ? contents_json(*report.contents) : ordered_json(nullptr);
   out["evidence"] = report.evidence ? evidence_json(*report.evidence) : ordered_json(nullptr);
   out["witnesses"] = report.witnesses ? witnesses_json(*report.witnesses) : ordered_json(nullptr);

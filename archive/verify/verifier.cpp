@@ -147,7 +147,7 @@ class CaseVerification {
     vouched_by_log_ = comparison.vouched_by();
     in_log_ = comparison.told();
     rules_.judge_missing(files_.finish());
-    marks_.finish(is_recorded_whole(), findings_);
+    marks_.finish({.is_whole = is_recorded_whole(), .begins_ns = {}, .stretch = {}}, findings_);
     judge_names();
     rules_.check_device_file();
     if (rules_.opening()) {

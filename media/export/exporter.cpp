@@ -7,7 +7,10 @@
 #include <vector>
 
 #include "archive/format/case_folder.h"
+#include "archive/format/event_line.h"
+#include "archive/format/pointing_stream.h"
 #include "archive/format/segment_media.h"
+#include "archive/reading/committed_events.h"
 #include "base/ascii.h"
 #include "base/error.h"
 #include "media/export/remux_job.h"
@@ -180,11 +183,18 @@ class Export {
   }
 
   void join_lines(OutputFile& output) {
+    std::optional<archive::CommittedEvents> events;
+    if (stream_.kind == "events" && !archive::is_pointing(stream_)) events.emplace(recording_);
     for (const archive::SegmentEntry& entry : segments_) {
       const SealedSegment segment = open(entry);
       std::string text;
-      for_each_line(segment, entry.file.file, kLongestLineBytes, !entry.complete,
-                    [&](std::uint64_t, std::string_view line) {
+      std::uint64_t left_out = 0;
+      for_each_line(segment, entry.file.file, events ? archive::kLongestEventLine : kLongestLineBytes,
+                    !entry.complete, [&](std::uint64_t, std::string_view line) {
+                      if (events && !events->take(line)) {
+                        ++left_out;
+                        return;
+                      }
                       text += line;
                       text += '\n';
                       if (text.size() < kCopyBytes) return;
@@ -193,6 +203,8 @@ class Export {
                     });
       output.write(bytes_of(text));
       count(entry);
+      result_.frames -= std::min(entry.frames, left_out);
+      result_.left_out += left_out;
     }
   }
 

@@ -14,6 +14,11 @@
 
 namespace kiroku::media {
 
+/// Behind the number of such lines of events.
+inline constexpr const char* kLeftOutOfEvents =
+    "line(s) were left out: no mark entry of the ledger commits to them, so they are no events of the case; "
+    "'kiroku verify --identity' says more";
+
 struct ExportOptions {
   std::string stream;
   std::int64_t from_ns = 0;
@@ -22,7 +27,7 @@ struct ExportOptions {
   ///   .ts     MPEG-TS segments one after the other, nothing changed but their time stamps
   ///   .mkv    pictures and sound of any video stream, packets copied, gaps kept
   ///   .mp4    likewise, if MP4 can hold them (it holds MPEG-2, neither FFV1 nor uncompressed pictures)
-  ///   .jsonl  lines of vital signs or events, as they were recorded
+  ///   .jsonl  lines of vital signs, as they were recorded, or of the case's events
   ///   .csv    vital signs as a table (vitals_table.h)
   std::filesystem::path output;
   /// The moment of the case clock that is time 0 in the file; nothing: export_zero_ns() of the stretch.
@@ -42,7 +47,8 @@ struct ExportResult {
   std::uint64_t segments = 0, frames = 0, bytes = 0;
   /// Segments found by recovery: what they hold is in the file and not in `frames`.
   std::uint64_t uncounted = 0;
-  /// Lines that are no sample and so have no place in a table (.csv): texts, alarms, messages, notices.
+  /// Lines that are no sample and so have no place in a table (.csv): texts, alarms, messages, notices. Of a
+  /// stream of events: lines to which no `mark` entry commits, or more often than entries do.
   std::uint64_t left_out = 0;
   /// Case-clock span of what was written; whole segments, so it may be wider than asked for.
   std::int64_t start_ns = 0, end_ns = 0;

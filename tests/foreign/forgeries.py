@@ -1882,20 +1882,30 @@ def lines_that_are_no_vital_signs(world):
     return world.write(world.sound(), identity=str(world.reader))
 
 
-def with_events(world, *events, mark_at=11 * SECOND):
-    """A sound case whose one mark was entered then, with other events sealed than its own; each is a time and a text."""
+def case_with_events(world, *events, reason=None, complete=True, utc_at=lambda at: max(0, min(at, 60 * SECOND))):
+    """A sound case whose one mark was entered, with other events sealed than its own; each is a time and a text."""
     case = world.sound()
     mark = case.find("mark")
     lines = []
     for at, text in events:
-        line, commitment = w.event_line(bytes(range(32)), {"time_ns": at, "utc": stamp.text_of(world.utc_ns), "kind": "mark", "text": text})
+        line, commitment = w.event_line(bytes(range(32)), {"time_ns": at, "utc": stamp.text_of(world.utc_ns + utc_at(at)), "kind": "mark", "text": text})
         lines.append(line)
         mark.fields["commitment"] = commitment if not lines[1:] else mark.fields["commitment"]
     sealed = next(entry for entry in case.steps if isinstance(entry, Entry) and entry.type == "segment" and entry.fields["stream"] == "events")
-    sealed.fields |= case.file(sealed.fields["file"], age.seal(b"".join(lines), [world.reader.public]))
+    case.files.pop(sealed.fields["file"])
+    name = sealed.fields["file"] + ("" if complete else ".part")
+    sealed.fields |= case.file(name, age.seal(b"".join(lines), [world.reader.public])) | {"complete": complete}
     sealed.fields["samples"] = len(lines)
+    if not complete:
+        case.steps.insert(case.steps.index(sealed) + 1, Entry("gap", sealed.mono_ns, {"stream": "events", "start_ns": 12 * SECOND, "end_ns": 20 * SECOND, "cause": "overload"}))
+    if reason:
+        case.find("close").fields["reason"] = reason
     case.refresh_totals()
-    return world.write(case, identity=str(world.reader))
+    return case
+
+
+def with_events(world, *events, never=(), **how):
+    return world.write(case_with_events(world, *events, **how), identity=str(world.reader), never=list(never))
 
 
 @reaches("event-missing")
@@ -1911,6 +1921,122 @@ def an_event_of_no_mark(world):
 @reaches("event-not-committed")
 def an_event_that_stands_there_twice(world):
     return with_events(world, (11 * SECOND, "clip placed"), (11 * SECOND, "clip placed"))
+
+
+@reaches("event-not-committed")
+def an_event_of_no_mark_where_the_disk_was_full(world):
+    """A recorder enters the marks of a segment before the segment, whatever ends the case."""
+    return with_events(world, (11 * SECOND, "clip placed"), (11 * SECOND, "artery cut"), reason="disk-full")
+
+
+@reaches("event-not-committed")
+def an_event_of_no_mark_where_the_recorder_failed(world):
+    return with_events(world, (11 * SECOND, "clip placed"), (11 * SECOND, "artery cut"), reason="error: the camera broke")
+
+
+@reaches("event-not-committed")
+def an_event_of_no_mark_in_a_segment_that_is_said_to_be_cut_off(world):
+    return with_events(world, (11 * SECOND, "clip placed"), (11 * SECOND, "artery cut"), complete=False)
+
+
+@reaches("event-missing")
+def a_mark_of_which_nothing_is_sealed_long_before_the_disk_was_full(world):
+    return with_events(world, reason="disk-full")
+
+
+@reaches("event-missing")
+def a_mark_and_no_segment_of_events(world):
+    case = world.sound()
+    sealed = next(entry for entry in case.steps if isinstance(entry, Entry) and entry.type == "segment" and entry.fields["stream"] == "events")
+    case.files.pop(sealed.fields["file"])
+    case.steps.remove(sealed)
+    case.refresh_totals()
+    return world.write(case, identity=str(world.reader))
+
+
+@reaches("events-not-compared")
+def a_mark_of_the_last_moment_before_the_disk_was_full(world):
+    """The recorder could not seal it any more."""
+    case = case_with_events(world, (11 * SECOND, "clip placed"), reason="disk-full")
+    close = case.find("close")
+    case.steps.insert(case.steps.index(close), Entry("mark", close.mono_ns, {"commitment": "00" * 32}))
+    return world.write(case, identity=str(world.reader), never=["event-missing"])
+
+
+@reaches("events-not-compared")
+def a_mark_of_which_a_segment_that_was_cut_off_may_have_lost_the_event(world):
+    return with_events(world, complete=False, never=["event-missing"])
+
+
+@reaches()
+def an_event_in_a_segment_that_was_cut_off(world):
+    return with_events(world, (11 * SECOND, "clip placed"), complete=False, never=["event-not-committed", "event-missing", "events-not-compared"])
+
+
+def found_events(world, time_ns, cut_off_ns=40 * SECOND):
+    """Recovery found an events segment whose one event no mark entry commits to. The recorder died at `cut_off_ns`."""
+    case = world.begin()
+    world.record(case, 0, cut_off_ns // SECOND // 5)
+    case.checkpoint()
+    case.token(world.outside, cut_off_ns + 100 * MS, gen_ns=cut_off_ns + 90 * MS)
+    at = cut_off_ns + 5 * SECOND
+    case.add("recovered", at, boot_id=w.BOOT_ID, after="crash", truncated="")
+    line, _ = w.event_line(bytes(range(32)), {"time_ns": time_ns, "utc": stamp.text_of(world.utc_ns), "kind": "mark", "text": "artery cut"})
+    entry = case.segment("events", 0, 0, 9 * SECOND, age.seal(line, [world.reader.public]), 0, mono_ns=at)
+    for key in ("first_pts", "time_base", "samples", "dropped"):
+        entry.fields.pop(key, None)
+    for name in ("endoscope", "vitals"):
+        case.add("gap", at, stream=name, start_ns=cut_off_ns, end_ns=at, cause="interrupted")
+    return world.end(case, at + 100 * MS)
+
+
+@reaches("event-not-committed")
+def an_event_of_no_mark_that_is_said_to_be_found(world):
+    """Of half a minute before the recorder died, which had entered its mark long since."""
+    return world.write(found_events(world, 10 * SECOND), identity=str(world.reader))
+
+
+@reaches("events-not-compared")
+def an_event_whose_mark_was_not_entered_when_the_recorder_died(world):
+    return world.write(found_events(world, 39 * SECOND), identity=str(world.reader), never=["event-not-committed"])
+
+
+def excerpt_with_events(world, case, begins="token", behind=0):
+    """From 9 s to 19 s, with the lines from the first one of that type on, or so many behind it."""
+    written = case.write(world.folder / "whole")
+    first = behind + next(i for i, line in enumerate(written.lines) if f'"type":"{begins}"'.encode() in line)
+    names = ["endoscope", "vitals", "events"]
+    folder = w.write_excerpt(written, world.folder / "excerpt", 9 * SECOND, 19 * SECOND, names, first, len(written.lines))
+    return world.given(folder, identity=str(world.reader))
+
+
+@reaches("event-not-committed")
+def excerpt_with_an_event_of_no_mark(world):
+    return excerpt_with_events(world, case_with_events(world, (11 * SECOND, "clip placed"), (11 * SECOND, "artery cut")))
+
+
+@reaches("event-missing")
+def excerpt_with_a_mark_of_which_nothing_is_sealed(world):
+    return excerpt_with_events(world, case_with_events(world))
+
+
+@reaches("event-time-differs")
+def excerpt_with_a_mark_that_states_an_earlier_moment(world):
+    return excerpt_with_events(world, case_with_events(world, (2 * SECOND, "clip placed")))
+
+
+@reaches("events-not-compared")
+def excerpt_whose_lines_begin_behind_the_mark(world):
+    given = excerpt_with_events(world, case_with_events(world, (11 * SECOND, "clip placed")), begins="mark", behind=1)
+    given.never = ["event-not-committed", "event-missing"]
+    return given
+
+
+@reaches()
+def excerpt_with_its_mark_and_its_event(world):
+    given = excerpt_with_events(world, case_with_events(world, (11 * SECOND, "clip placed")))
+    given.never = ["event-not-committed", "event-missing", "event-time-differs", "events-not-compared"]
+    return given
 
 
 @reaches("event-time-differs")
@@ -1931,6 +2057,24 @@ def a_mark_that_states_the_latest_moment(world):
 @reaches("event-time-differs")
 def a_mark_that_states_a_later_moment(world):
     return with_events(world, (13 * SECOND, "clip placed"))
+
+
+@reaches("event-time-differs")
+def a_mark_that_states_another_utc(world):
+    return with_events(world, (11 * SECOND, "clip placed"), utc_at=lambda at: at - 3600 * SECOND)
+
+
+@reaches("event-not-committed")
+def a_line_with_two_events(world):
+    """Readers take another one of the two."""
+    case = case_with_events(world, (11 * SECOND, "clip placed"))
+    line, commitment = w.event_line(bytes(range(32)), {"time_ns": 11 * SECOND, "utc": stamp.text_of(world.utc_ns + 11 * SECOND), "kind": "mark", "text": "clip placed"})
+    sealed = next(entry for entry in case.steps if isinstance(entry, Entry) and entry.type == "segment" and entry.fields["stream"] == "events")
+    case.find("mark").fields["commitment"] = commitment
+    twice = line.replace(b'{"event"', b'{"event":"{}","event"', 1)
+    sealed.fields |= case.file(sealed.fields["file"], age.seal(twice, [world.reader.public]))
+    case.refresh_totals()
+    return world.write(case, identity=str(world.reader))
 
 
 @reaches("segment-part-lost")

@@ -45,12 +45,14 @@ archive::SegmentEntry write_segment(archive::CaseWriter& writer, const std::vect
 }
 
 /// A recorder enters a mark for each event.
-void append_marks(std::string_view lines, std::vector<archive::CaseEntryBody>& bodies) {
+void append_marks(std::string_view lines, const std::vector<std::string>& not_entered,
+                  std::vector<archive::CaseEntryBody>& bodies) {
   while (!lines.empty()) {
-    const std::size_t end = lines.find('\n');
-    if (const auto event = archive::parse_event_line(lines.substr(0, end)))
+    const std::size_t end = std::min(lines.find('\n'), lines.size() - 1) + 1;
+    const auto event = archive::parse_event_line(lines.substr(0, end));
+    if (event && std::ranges::find(not_entered, lines.substr(0, end)) == not_entered.end())
       bodies.emplace_back(archive::MarkEntry{event->commitment});
-    lines.remove_prefix(end == std::string_view::npos ? lines.size() : end + 1);
+    lines.remove_prefix(end);
   }
 }
 
@@ -105,7 +107,9 @@ std::filesystem::path record_case(const std::filesystem::path& archive,
         bodies.emplace_back(
             archive::GapEntry{streams[s].name, {before, start}, archive::GapCause::kSignalLost});
       }
-      if (streams[s].kind == "events") append_marks(text_of(streams[s].segments[index]), bodies);
+      if (streams[s].kind == "events") {
+        append_marks(text_of(streams[s].segments[index]), streams[s].not_entered, bodies);
+      }
       bodies.emplace_back(write_segment(*writer, streams, s, index));
       latest_ns = std::max(latest_ns, start + kSecondNs);
     }

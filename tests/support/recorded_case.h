@@ -24,6 +24,8 @@ struct RecordedStream {
   std::vector<std::int64_t> starts_ns = {};
   /// Time stamps of the segments' first pictures, in 1/90000 s; absent: those of the case clock.
   std::vector<std::int64_t> first_pts = {};
+  /// Lines of events for which no mark is entered.
+  std::vector<std::string> not_entered = {};
 };
 
 /// Someone who can open what is sealed to her.

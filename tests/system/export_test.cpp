@@ -1,5 +1,6 @@
 // What leaves a case lies on one time line, whichever form: looked at with ffprobe, as a recipient would.
 #include <cmath>
+#include <set>
 #include <sstream>
 
 #include "media/vital_sample.h"
@@ -144,6 +145,45 @@ TEST_F(Exporting, OfACaseThatWasTamperedWithDoesNotLeaveAsIfItHeld) {
   EXPECT_THAT(made.out, HasSubstr("whose verdict is tampered"));
   const auto manifest = nlohmann::json::parse(read_text(folder() / "all/manifest.json"));
   EXPECT_EQ(manifest["verification"]["verdict"], "tampered");
+}
+
+// Whoever opens the files reads what is in them: what the same key finds is said.
+TEST_F(Exporting, IsJudgedWithTheKeyThatWasGiven) {
+  const auto event = [](const std::string& text) {
+    return R"({"salt":")" + std::string(64, 'a') + R"(","event":"{\"time_ns\":500000000,\"text\":\")" + text +
+           "\\\"}\"}\n";
+  };
+  RecordedStream endoscope = film("endoscope", {.segments = 2});
+  endoscope.first_pts = {45'000, 135'000};
+  RecordedStream events{
+      "events", "events", "application/jsonl", {to_bytes(event("clip") + event("cut"))}, {2}};
+  events.not_entered = {event("cut")};
+  const Reader reader = make_reader();
+  write_text(folder() / "identity.txt", reader.identity_text + "\n");
+  case_ = record_case(folder() / "marked", {endoscope, events}, reader.recipients).string();
+  const auto exported = [&](const std::string& name) {
+    const ProcessResult made = take({"--all", "-o", name});
+    return std::pair(made, nlohmann::json::parse(read_text(folder() / name / "manifest.json")));
+  };
+  const auto codes_of = [](const nlohmann::json& manifest) {
+    std::set<std::string> codes;
+    for (const auto& finding : manifest["verification"]["findings"]) codes.insert(finding["code"]);
+    return codes;
+  };
+  const auto [marked, manifest] = exported("marked-out");
+  EXPECT_TRUE(codes_of(manifest).contains("event-not-committed")) << manifest["verification"];
+  EXPECT_EQ(manifest["verification"]["contents"]["opened"], 3);
+  EXPECT_EQ(read_text(folder() / "marked-out/events.jsonl"), event("clip"));
+  EXPECT_EQ(manifest["files"][1]["left_out"], 1);
+  EXPECT_THAT(marked.out, HasSubstr("Of events.jsonl: 1 line(s) were left out"));
+  EXPECT_THAT(take({"--stream", "events", "-o", "events.jsonl"}).out, HasSubstr("1 line(s) were left out"));
+
+  endoscope.units[1] = 50;
+  case_ = record_case(folder() / "short", {endoscope}, reader.recipients).string();
+  const auto [shortened, of_half] = exported("short-out");
+  EXPECT_EQ(shortened.status, 1);
+  EXPECT_THAT(shortened.out, HasSubstr("whose verdict is tampered"));
+  EXPECT_TRUE(codes_of(of_half).contains("segment-undecodable")) << of_half["verification"];
 }
 
 TEST_F(Exporting, ReplacesOnlyWhereForcedAndOnlyWhatItMade) {

@@ -238,6 +238,33 @@ class CertificateMaker {
            "lasted another time.";
   }
 
+  [[nodiscard]] std::string made_by_the_recorder() const {
+    return "That all of it was made by the recorder. " + signed_late_sentence(in_);
+  }
+
+  /// `are_all`: everything was opened, and shows what the ledger states.
+  void add_what_was_not_opened(bool are_all) {
+    if (!found_.contents || found_.contents->opened == 0) {
+      item(
+          "That the pictures can be played. No key was given that opens them, so their contents were not "
+          "looked at.");
+      return;
+    }
+    if (are_all) return;
+    const archive::OpenedContents& contents = *found_.contents;
+    const std::string names = unopened_pictures(found_);
+    item("That all of it can be played. Of the " + std::string(files(archive::listed_segments(found_))) +
+         " that should hold its streams, " + grouped(contents.opened) + " were opened, and " +
+         grouped(contents.decoded) + " of these decoded to what the ledger states." +
+         (names.empty() ? "" : " No picture of these streams was looked at: " + names + ".") +
+         (has_uncompared_events() ? " Not all marks were compared with the events that were opened." : ""));
+  }
+
+  [[nodiscard]] bool has_uncompared_events() const {
+    return std::ranges::find(found_.findings, "events-not-compared", &archive::Finding::code) !=
+           found_.findings.end();
+  }
+
   void add_limits() {
     heading("5. What this does not say");
     item("Who and what is in the pictures. The verification shows that the files are as they were recorded.");
@@ -264,6 +291,7 @@ class CertificateMaker {
           "That all of its streams were recorded throughout. One is shorter than the record, or holds far "
           "less "
           "in places than elsewhere; the verification report says which, and where.");
+    if (!found_.signed_late.empty() || found_.found_segments > 0) item(made_by_the_recorder());
     if (in_.facts.clock_set)
       item(
           "That the times above by the recorder's clock tell how long anything lasted. That clock was set "
@@ -275,10 +303,8 @@ class CertificateMaker {
           "place. That shows beside the recorder's own log, which was not compared, or knows it only in "
           "part.");
     if (found_.excerpt) item("Anything of the parts of the case that this excerpt leaves out.");
-    if (!found_.contents || found_.contents->opened == 0)
-      item(
-          "That the pictures can be played. No key was given that opens them, so their contents were not "
-          "looked at.");
+    add_what_was_not_opened(std::ranges::find(answers, Check::kContents, &CheckAnswer::check)->answer ==
+                            Answer::kYes);
     item(
         "That the record is admissible. Authenticity is one question of several; relevance and hearsay are "
         "others.");

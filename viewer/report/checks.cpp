@@ -40,9 +40,10 @@ constexpr auto kLeavesFilesUnasked = std::to_array<std::string_view>(
      "token-name-differs", "token-repeated", "token-covers-later"});
 
 /// That no finding speaks against the contents says nothing of what nobody opened.
-Answer contents_answer(const std::optional<archive::OpenedContents>& contents) {
+Answer contents_answer(const std::optional<archive::OpenedContents>& contents, bool are_events_uncompared) {
   if (!contents || contents->opened == 0) return Answer::kNotAsked;
-  return contents->decoded == contents->segments ? Answer::kYes : Answer::kInPart;
+  const bool is_all = contents->decoded == contents->segments && !are_events_uncompared;
+  return is_all ? Answer::kYes : Answer::kInPart;
 }
 
 /// What the log that was given, or a proof from it, knows of the case or excerpt.
@@ -83,7 +84,8 @@ Answer without_findings(Check check, const archive::VerificationReport& verifica
       return found("stream-shorter") || found("segments-sparse") || found("monitor-silent") ? Answer::kInPart
                                                                                             : Answer::kYes;
     case Check::kContents:
-      return given.identities.empty() ? Answer::kNotAsked : contents_answer(verification.contents);
+      if (given.identities.empty()) return Answer::kNotAsked;
+      return contents_answer(verification.contents, found("events-not-compared"));
     case Check::kEnd:
       return excerpt ? Answer::kNotAsked : Answer::kYes;
     case Check::kTime:

@@ -215,6 +215,38 @@ std::string witness_sentence(const ReportInput& input) {
                                         : say(input.language, "witness.beginning", {entries});
 }
 
+std::string signed_late_sentence(const ReportInput& input) {
+  const archive::VerificationReport& found = input.verification;
+  std::vector<std::string> all;
+  constexpr std::size_t kMost = 3;
+  for (std::size_t i = 0; i < std::min(found.signed_late.size(), kMost); ++i) {
+    const archive::SignedLate& late = found.signed_late[i];
+    all.push_back(say(input.language,
+                      found.excerpt ? TextKey("signed-late.entries.excerpt") : TextKey("signed-late.entries"),
+                      {std::to_string(late.first), std::to_string(late.last)}));
+  }
+  if (const std::size_t count = found.signed_late.size(); count > kMost)
+    all.push_back(say(input.language, "signed-late.more", {grouped(count - kMost)}));
+  if (found.found_segments > 0) {
+    all.push_back(say(input.language, "signed-late.found",
+                      {say_count(input.language, found.found_segments, "one.segment", "many.segment")}));
+  }
+  if (all.empty()) return {};
+  all.push_back(say(input.language, "signed-late.who"));
+  return sentences(input.language, all);
+}
+
+std::string unopened_pictures(const archive::VerificationReport& verification) {
+  if (!verification.contents || verification.contents->opened == 0) return {};
+  std::string names;
+  for (const archive::StreamReport& stream : verification.streams) {
+    const bool is_there = stream.info.kind == "video" && stream.segments > stream.erased_segments;
+    if (!is_there || verification.contents->opened_of.contains(stream.info.name)) continue;
+    names += (names.empty() ? "" : ", ") + plain_text(stream.info.name, kMostBytesOfName);
+  }
+  return names;
+}
+
 bool is_of_later_version(const archive::VerificationReport& verification) {
   return std::ranges::any_of(verification.findings, [](const archive::Finding& finding) {
     return !finding.of_log && finding.code == "format-newer";
@@ -232,6 +264,8 @@ Statement verdict_statement(const ReportInput& input, Brackets brackets) {
     statement.remarks.push_back(
         say(input.language, beside == 1 ? TextKey("beside.one") : TextKey("beside.many"), {grouped(beside)}));
   }
+  if (std::string late = signed_late_sentence(input); !late.empty())
+    statement.remarks.push_back(std::move(late));
   statement.remarks.push_back(time_sentence(input, brackets));
   if (std::string evidence = evidence_sentence(input); !evidence.empty()) {
     statement.remarks.push_back(std::move(evidence));
@@ -241,6 +275,8 @@ Statement verdict_statement(const ReportInput& input, Brackets brackets) {
   }
   if (!input.verification.contents || input.verification.contents->opened == 0)
     statement.remarks.push_back(say(input.language, "scope.remark-unopened"));
+  if (const std::string names = unopened_pictures(input.verification); !names.empty())
+    statement.remarks.push_back(say(input.language, "scope.remark-unopened-of", {names}));
   return statement;
 }
 

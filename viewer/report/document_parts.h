@@ -21,6 +21,11 @@ std::string time_sentence(const ReportInput& input, Brackets brackets = Brackets
 std::string evidence_sentence(const ReportInput& input);
 /// Whether what the log says of the case's end is witnessed; "" where no policy of witnesses was given.
 std::string witness_sentence(const ReportInput& input);
+/// What was signed only when recording was found cut off, and segments that were found then; "" where there
+/// is neither.
+std::string signed_late_sentence(const ReportInput& input);
+/// Names of the streams of pictures of which none was opened, though others were; "" where there is none.
+std::string unopened_pictures(const archive::VerificationReport& verification);
 /// Whether the record is of a later version of the format: nothing is known of what its entries say.
 bool is_of_later_version(const archive::VerificationReport& verification);
 /// Verdict, what it means, and what is to be known with it.

@@ -241,12 +241,14 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
     {"totals-differ", Check::kStreams,
      "終了項目の合計が、区間の合計と異なる（抜粋では、その行が示すものより少ない）。"},
     {"event-missing", Check::kContents,
-     "目印の項目が約束する出来事が、すべての出来事の区間を開いても見つからない。記録は最後まで行われている"
-     "。"},
+     "目印の項目が約束する出来事が、それを含むはずの出来事の区間を開いても見つからない。"},
     {"event-not-committed", Check::kContents,
      "封印された出来事の区間に、どの目印の項目も約束していない行がある。または、約束より多く同じ行がある。"},
     {"event-time-differs", Check::kContents,
-     "出来事の述べる時刻が、その目印の項目が書かれた時刻より 5 秒を超えて前か、後である。"},
+     "出来事の述べる時刻が、その目印の項目が書かれた時刻より 5 秒を超えて前か、後である。または UTC "
+     "が異なる。"},
+    {"events-not-compared", Check::kContents,
+     "照合されなかった出来事と目印の項目がある。記録が中断されたか、抜粋が相手を示していない。"},
     {"segment-undecryptable", Check::kContents, "ハッシュ値の正しい区間が復号できない。"},
     {"segment-not-for-recipient", Check::kContents,
      "開始項目に系統の受取人として記載された者の鍵で、その系統の区間が開かない。"},

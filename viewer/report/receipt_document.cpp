@@ -67,11 +67,15 @@ Document make_receipt(const ReportInput& input) {
     // A verdict alone would say that its times hold.
     statement.remarks.push_back(time_sentence(input, Brackets::kUnsaid));
   }
+  // Likewise that the recorder made all of it.
+  const std::string late = statement.tone == Tone::kGood ? signed_late_sentence(input) : std::string();
+  if (!late.empty()) statement.remarks.push_back(late);
   add(std::move(statement));
   // What the times are not worth, and what is to be known of this case, goes before what every receipt says.
   constexpr std::size_t kMostBesideTheLead = 1;
   const bool is_renewed = !evidence_sentence(input).empty();
-  const std::size_t beside = limits + (is_renewed ? 1 : 0) + (facts.clock_set ? 1 : 0);
+  const std::size_t beside =
+      limits + (is_renewed ? 1 : 0) + (late.empty() ? 0 : 2) + (facts.clock_set ? 1 : 0);
   if (beside <= kMostBesideTheLead) add(Paragraph{words("receipt.lead")});
 
   Table table = facts_table();

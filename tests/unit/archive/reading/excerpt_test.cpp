@@ -332,6 +332,37 @@ TEST_F(Excerpt, IsNoCaseForWhoReadsOne) {
             "it is an excerpt, which is no copy of the case");
 }
 
+// Who reads an excerpt must not believe more of it than of its case.
+TEST_F(Excerpt, SaysWhichEntriesNobodyHadSignedWhenItsCaseWasFoundCutOff) {
+  archive_.clear();
+  test::SampleCase sample(archive_);
+  sample.record();
+  const std::uint64_t unsigned_entry = sample.writer().size();
+  sample.writer().append({MarkEntry{}}, archive_.now());
+  const std::uint64_t recovered = sample.writer().size();
+  sample.writer().append({RecoveredEntry{"6f1b1a52-4c9a-4d8c-9a3e-0f0e2f6f7a10", "crash", ""}},
+                         archive_.now());
+  sample.close();
+  folder_ = sample.folder();
+  const VerificationReport whole = verify_case(folder_, archive_.options());
+  ASSERT_EQ(whole.signed_late.size(), 1U) << details(whole);
+  ExcerptOptions options;
+  options.to_ns = 3600 * kSecond;
+  make(options);
+  const VerificationReport part = verify();
+  EXPECT_EQ(part.verdict, Verdict::kIntactExcerpt) << details(part);
+  ASSERT_EQ(part.signed_late.size(), 1U);
+  EXPECT_EQ(part.signed_late[0].first, whole.signed_late[0].first) << "an honest excerpt is not doubted";
+  EXPECT_LE(part.signed_late[0].first, unsigned_entry);
+  EXPECT_EQ(part.signed_late[0].last, recovered - 1);
+  EXPECT_THAT(details(part), testing::HasSubstr("this excerpt shows no signature over the entries from " +
+                                                std::to_string(part.signed_late[0].first) + " to " +
+                                                std::to_string(recovered - 1) + " from before that"));
+
+  fs::remove(excerpt() / note_path(whole.signed_late[0].first));
+  EXPECT_LT(verify().signed_late[0].first, whole.signed_late[0].first) << "without that note it shows less";
+}
+
 TEST_F(Excerpt, WithASegmentLeftOutNamesIt) {
   make(middle());
   fs::remove(excerpt() / "segments/endoscope/00000001.ts.age");

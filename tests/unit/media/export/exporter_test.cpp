@@ -399,9 +399,30 @@ TEST_F(ExporterTest, ExportsASegmentThatAPowerCutEnded) {
 
 TEST_F(ExporterTest, JoinsLinesAsTheyWereRecorded) {
   const Bytes first = to_bytes("{\"time_ns\":1}\n{\"time_ns\":2}\n"), second = to_bytes("{\"time_ns\":3}\n");
-  record({{"events", "events", "application/jsonl", {first, {}, second}, {2, 0, 1}}});
-  EXPECT_EQ(run("events", "events.jsonl").frames, 3U);
-  EXPECT_EQ(read_file(folder_ / "events.jsonl"), "{\"time_ns\":1}\n{\"time_ns\":2}\n{\"time_ns\":3}\n");
+  record({{"vitals", "vitals", "application/jsonl", {first, {}, second}, {2, 0, 1}}});
+  EXPECT_EQ(run("vitals", "vitals.jsonl").frames, 3U);
+  EXPECT_EQ(read_file(folder_ / "vitals.jsonl"), "{\"time_ns\":1}\n{\"time_ns\":2}\n{\"time_ns\":3}\n");
+}
+
+TEST_F(ExporterTest, SaysWhereSegmentsHoldEachOthersFilm) {
+  RecordedStream stream = transport_stream({.segments = 4});
+  std::swap(stream.segments[1], stream.segments[2]);
+  record({stream});
+  EXPECT_THAT(refusal("endoscope", "film.mkv"), HasSubstr("time stamps go back"));
+}
+
+TEST_F(ExporterTest, OfEventsTakesThoseToWhichTheLedgerCommits) {
+  const auto line = [](const std::string& event) {
+    return R"({"salt":")" + std::string(64, 'a') + R"(","event":")" + event + "\"}\n";
+  };
+  RecordedStream events{"events", "events", "application/jsonl", {}, {2, 2}};
+  events.segments = {to_bytes(line("one") + line("cut")), to_bytes(line("two") + "x\n")};
+  events.not_entered = {line("cut")};
+  record({events});
+  const ExportResult result = run("events", "events.jsonl");
+  EXPECT_EQ(read_file(folder_ / "events.jsonl"), line("one") + line("two"));
+  EXPECT_EQ(result.frames, 2U);
+  EXPECT_EQ(result.left_out, 2U);
 }
 
 TEST_F(ExporterTest, DropsTheLineThatAPowerCutBroke) {

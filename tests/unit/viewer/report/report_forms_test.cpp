@@ -214,6 +214,57 @@ TEST_F(ReportDocument, CertificateOfAnExcerptSaysWhatItsRootWasComputedFrom) {
                     HasSubstr("Ledger entries in the excerpt | "), Not(HasSubstr("\nLedger entries | "))));
 }
 
+// What nobody had signed when a recorder found its case cut off, others may have made.
+TEST_F(ReportDocument, FormsSayWhatWasSignedOnlyWhenRecordingWasFoundCutOff) {
+  ReportInput in = input();
+  const std::string made = "That all of it was made by the recorder. ";
+  const std::string late = "Nobody had signed the entries 7 to 9 until recording was found cut off.";
+  for (const Document& document : {make_report(in), make_receipt(in), make_certificate(in)}) {
+    EXPECT_THAT(test::text_of(document), AllOf(Not(HasSubstr("until recording was")), Not(HasSubstr(made))));
+  }
+  in.verification.signed_late = {{7, 9}};
+  in.verification.found_segments = 2;
+  for (const Document& document : {make_report(in), make_receipt(in), make_certificate(in)}) {
+    EXPECT_THAT(test::text_of(document),
+                AllOf(HasSubstr(late), HasSubstr("Until then no entry named 2 sealed files."),
+                      HasSubstr("Whoever could write to the disk meanwhile could have made them")));
+  }
+  EXPECT_THAT(test::text_of(make_certificate(in)), HasSubstr(made + late));
+  if (has_tools()) {
+    for (const Language language : {Language::kEnglish, Language::kJapanese}) {
+      in.language = language;
+      in.verification.signed_late = {{7, 9}, {12, 20}, {30, 40}, {50, 60}, {70, 80}};
+      write("receipt.pdf", write_pdf(make_receipt(in)));
+      EXPECT_THAT(tool({"pdfinfo", "receipt.pdf"}), HasSubstr("Pages:           1\n"));
+    }
+  }
+  in.language = Language::kEnglish;
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("The same holds of 2 more stretches of entries."));
+  in.verification.excerpt.emplace();
+  EXPECT_THAT(test::text_of(make_report(in)),
+              HasSubstr("The excerpt shows no signature over the entries 7 to 9"));
+}
+
+// A key of the monitor's alone opens no picture.
+TEST_F(ReportDocument, CertificateSaysOfWhichPicturesNothingWasSeen) {
+  ReportInput in = input();
+  in.given.identities.push_back({"identity.txt", {}});
+  const std::string all = "That all of it can be played. Of the 4 files that should hold its streams, ";
+  const auto text = [&] { return test::text_of(make_certificate(in)); };
+  in.verification.contents = archive::OpenedContents{4, 4, 4, {{"endoscope", 3}, {"vitals", 1}}};
+  EXPECT_THAT(text(), AllOf(Not(HasSubstr("can be played")), Not(HasSubstr("were not opened"))));
+  in.verification.contents = archive::OpenedContents{4, 1, 1, {{"vitals", 1}}};
+  EXPECT_THAT(text(), AllOf(HasSubstr(all + "1 were opened, and 1 of these decoded"),
+                            HasSubstr("No picture of these streams was looked at: endoscope."),
+                            HasSubstr("The pictures of endoscope were not opened")));
+  in.verification.contents = archive::OpenedContents{4, 3, 3, {{"endoscope", 2}, {"vitals", 1}}};
+  EXPECT_THAT(text(), AllOf(HasSubstr(all + "3 were opened"), Not(HasSubstr("No picture of these"))));
+  in.verification.contents = archive::OpenedContents{4, 4, 4, {{"endoscope", 3}, {"vitals", 1}}};
+  in.verification.findings.push_back({"events-not-compared", archive::Severity::kNote, {}, {}, {}, "why"});
+  EXPECT_THAT(text(), HasSubstr("Not all marks were compared with the events that were opened."));
+  EXPECT_THAT(test::text_of(make_report(in)), HasSubstr("Events and mark entries that were not compared"));
+}
+
 TEST_F(ReportDocument, CertificateOfAShortStreamSaysThatNotAllWasRecorded) {
   ReportInput in = input();
   const char* const shorter = "That all of its streams were recorded throughout";

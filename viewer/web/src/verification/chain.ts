@@ -61,6 +61,7 @@ const kByCode: Record<string, LinkName> = {
 const kByPrefix: readonly [string, LinkName][] = [
   ['segment', 'segments'],
   ['event-', 'segments'],
+  ['events-', 'segments'],
   ['stream', 'segments'],
   ['file-', 'segments'],
   ['erased-', 'segments'],
