@@ -493,10 +493,10 @@ class StatedProcedure : public ProcedureSource {
     data_ = ProcedureData{};
     data_->patient_id = patient;
   }
-  [[nodiscard]] std::optional<ProcedureData> find(UtcTime /*at*/) const override {
+  [[nodiscard]] ProcedureChoice choose(UtcTime /*at*/) const override {
     if (broken) throw Error("it broke");
     const std::lock_guard guard(mutex_);
-    return data_;
+    return {data_};
   }
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime /*at*/) const override {
     const std::lock_guard guard(mutex_);
