@@ -22,6 +22,7 @@
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/group_advice.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/stream_silence.h"
 #include "apps/kiroku/kept_log.h"
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/recording_setup.h"
@@ -633,11 +634,32 @@ nlohmann::json room_of(const nlohmann::json& status, const std::string& name) {
   return {};
 }
 
+/// Of a room that records, or records ahead: kirokud holds its sources, and says which of them deliver.
+void examine_held_sources(const RoomConfiguration& room, const nlohmann::json& told, Examination& out) {
+  const std::string state = told.value("state", "") == "standby" ? "records ahead" : "records";
+  for (const nlohmann::json& stream : told.value("streams", nlohmann::json::array())) {
+    const std::string source = "source " + room.name + "/" + printable(stream.value("name", ""));
+    const std::string age =
+        format_duration(stream.value("age_ms", std::int64_t{0}) * 1'000'000);
+    if (is_silent(stream)) {
+      out.add({Health::kBad, source, "the room " + state + ", and it delivers nothing since " + age,
+               "look at cable, power and address; the gap is stated in a case, which begins without it"});
+    } else if (!stream.value("live", false)) {
+      out.add({Health::kWarning, source, "the room " + state + ", and it delivers nothing yet",
+               "it is being opened: ask again in some seconds"});
+    } else {
+      out.add({Health::kGood, source, "the room " + state + ", and it delivers", ""});
+    }
+  }
+}
+
 /// Of a room of the recorder that runs: what it says itself. An idle one holds no source, and can tell of
 /// none.
 void examine_running_room(const RoomConfiguration& room, const nlohmann::json& told, Examination& out) {
   const std::string state = told.value("state", ""), problem = told.value("problem", "");
-  if (state != "idle") {
+  if (holds_sources(state)) {
+    examine_held_sources(room, told, out);
+  } else if (state != "idle") {
     out.add({Health::kGood, "sources of " + room.name,
              "the room is " + state + ", and kirokud holds them: 'kiroku status' tells how they are", ""});
   }
@@ -751,7 +773,8 @@ void add_doctor_command(Command& program) {
       "Looks at configuration, permissions, recipients, disk, clock, time-stamping authorities, worklists "
       "and sources, and says what to do about what is not good. Where kirokud runs it opens the sources of "
       "idle "
-      "rooms alone: not while a case may begin. Writes a trial file of 256 MB into the "
+      "rooms alone, not while a case may begin; of rooms that record, or record ahead, kirokud says which "
+      "deliver. Writes a trial file of 256 MB into the "
       "archive "
       "and removes it. Exit status "
       "1 if anything is bad.");

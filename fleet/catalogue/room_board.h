@@ -28,7 +28,7 @@ enum class Concern {
   kNotHeard,      // the appliance stopped reporting
   kNoRecorder,    // the appliance reports, and no recorder answers there
   kUnreadable,    // its newest report cannot be read by this program
-  kSilent,        // a source of a room that records delivers nothing
+  kSilent,        // a source of a room that records, or records ahead, delivers nothing
   kDiskShort,     // less than eight hours are left
   kDiskUnknown,   // its recorder cannot look at the archive's disk: what is recorded may not reach it
   kTwoOfOneName,  // two report under this name: one is a copy

@@ -58,6 +58,7 @@ describe('Trouble of a room', () => {
     ]);
     expect(troublesOf(room('recording', stream({ kind: 'vitals', live: false, age_ms: 3000 }))).map((one) => one.kind)).toEqual(['silent']);
     expect(troublesOf(room('recording', stream({ live: false, age_ms: 2999 }))), 'is being opened').toEqual([]);
+    expect(troublesOf(room('standby', stream({ live: false, age_ms: 3000 }))).map((one) => one.kind), 'ahead of a case').toEqual(['silent']);
     expect(troublesOf(room('closing', stream({ live: false, dropped: 3 })))).toEqual([]);
   });
   it('leaves a monitor more time than a camera', () => {
