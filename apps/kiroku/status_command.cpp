@@ -104,11 +104,10 @@ void print_room(const json& room, std::string& out) {
         {"stream", "", "as", "recorded", "lost", "segments", "size", "last", "on disk to"}};
     for (const json& stream : room["streams"]) {
       const bool is_live = stream.value("live", false) && !is_silent(stream);
-      rows.push_back({printable(stream.value("name", "")), is_live ? "live" : "SILENT",
-                      profile_text(stream), std::to_string(stream.value("frames", 0)),
-                      std::to_string(stream.value("dropped", 0)), std::to_string(stream.value("segments", 0)),
-                      format_bytes(stream.value("bytes", 0ULL)), age(stream, "age_ms") + " ago",
-                      age(stream, "durable_age_ms") + " ago"});
+      rows.push_back({printable(stream.value("name", "")), is_live ? "live" : "SILENT", profile_text(stream),
+                      std::to_string(stream.value("frames", 0)), std::to_string(stream.value("dropped", 0)),
+                      std::to_string(stream.value("segments", 0)), format_bytes(stream.value("bytes", 0ULL)),
+                      age(stream, "age_ms") + " ago", age(stream, "durable_age_ms") + " ago"});
     }
     out += format_table(rows, "lllrrrrrr", 2);
     if (const std::string rule = room.value("profile_rule", ""); recording && !rule.empty())
@@ -157,7 +156,8 @@ std::string disk_text(const json& disk) {
   std::string out = "disk: " + format_bytes(disk.value("free_bytes", 0ULL)) + " free";
   if (disk["hours_left"].is_number()) {
     char hours[32];
-    std::snprintf(hours, sizeof hours, ", about %.1f hours", disk["hours_left"].get<double>());
+    std::snprintf(hours, sizeof hours, ", %s %.1f hours",
+                  disk.value("hours_at_most", false) ? "at most" : "about", disk["hours_left"].get<double>());
     out += std::string(hours) + " if every room records";
   }
   if (const std::string assumes = disk.value("hours_assume", ""); !assumes.empty()) {
@@ -217,7 +217,8 @@ void add_status_command(Command& program) {
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead; with --watch, one a line");
   command.explain(
-      "For each stream of a room that records, or records ahead: whether its source delivers, how much was recorded and lost, how long ago the last "
+      "For each stream of a room that records, or records ahead: whether its source delivers, how much was "
+      "recorded and lost, how long ago the last "
       "picture or "
       "sample came, and up to when everything is safely on the disk. For each room which time-stamping "
       "authorities "

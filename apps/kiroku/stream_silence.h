@@ -1,4 +1,5 @@
-// Whether the streams of a room deliver, by what the running kirokud says of them. Pure functions, thread-safe.
+// Whether the streams of a room deliver, by what the running kirokud says of them. Pure functions,
+// thread-safe.
 #pragma once
 
 #include <algorithm>
