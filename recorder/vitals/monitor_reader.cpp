@@ -158,6 +158,7 @@ void MonitorReader::note_unknown_segments(std::span<const Hl7Segment> segments) 
 void MonitorReader::read_clock(const Hl7Message& message, std::optional<UtcTime> arrived) {
   message_time_.reset();
   is_live_ = arrived.has_value();
+  if (arrived) zero_of_machine_ = *arrived - std::chrono::microseconds(arrival_ns_ / 1000);
   const std::string text = message.header().field(7).component(1).text();
   const auto time = parse_hl7_time(text);
   if (!time || !time->is_instant()) {
@@ -265,14 +266,18 @@ void MonitorReader::read_one(const Order& order, std::size_t index) {
   }
 }
 
-bool MonitorReader::may_be_before_recording(const Observation& observation,
-                                            const std::optional<UtcTime>& stated) const {
-  // An order (OBR-7) may have begun long before what it observes now.
-  const std::optional<UtcTime>& measured =
-      observation.time || is_intermittent(observation) ? stated : message_time_;
+bool MonitorReader::may_be_before_recording(const std::optional<UtcTime>& measured) const {
   if (!is_live_ || !measured) return false;
+  const std::chrono::microseconds begins(begins_ns_ / 1000);
   // Whoever measured it may not be this patient; where nobody knows the clock it may have been then.
-  return !is_clock_known_ ? message_time_.has_value() : (zero_of_clock_ - *measured).count() > kLateUs;
+  if (is_clock_known_) return (zero_of_clock_ + begins - *measured).count() > kLateUs;
+  return message_time_ || (zero_of_machine_ + begins - *measured).count() > kLateUs;
+}
+
+void MonitorReader::case_begins(std::int64_t begins_ns) {
+  if (begins_ns == begins_ns_) return;
+  begins_ns_ = begins_ns;
+  noticed_.clear();
 }
 
 media::VitalQuality MonitorReader::quality_of(const Observation& observation,
@@ -287,14 +292,15 @@ media::VitalQuality MonitorReader::quality_of(const Observation& observation,
       return VitalQuality::kQuestionable;
     }
   }
-  if (may_be_before_recording(observation, measured)) {
+  if (may_be_before_recording(measured)) {
     notice("measured-before",
-           is_clock_known_ ? observation.name() +
-                                 ": values were measured before the recording began; they are recorded "
-                                 "as questionable: they may be of an earlier patient"
-                           : "messages state a time (MSH-7) more than two minutes from this machine's, "
-                             "as those of a queue do; until the monitor's clock is known their values "
-                             "are recorded as questionable: they may be of an earlier patient");
+           is_clock_known_ || !message_time_
+               ? observation.name() +
+                     ": values were measured before the case began; they are recorded as questionable: they "
+                     "may be of an earlier patient"
+               : "messages state a time (MSH-7) more than two minutes from this machine's, "
+                 "as those of a queue do; until the monitor's clock is known their values "
+                 "are recorded as questionable: they may be of an earlier patient");
     return VitalQuality::kQuestionable;
   }
   const bool questionable = observation.has_flag("QUES") || observation.status == "X";
@@ -312,7 +318,7 @@ std::optional<UtcTime> MonitorReader::device_time(const Order& order, const Obse
 }
 
 void MonitorReader::note_lateness(const Observation& observation, const std::optional<UtcTime>& measured) {
-  if (!measured || !message_time_ || may_be_before_recording(observation, measured)) return;
+  if (!measured || !message_time_ || may_be_before_recording(measured)) return;
   // A message that was held up has an old time itself: the clock's estimate tells.
   const UtcTime device_now =
       std::max(*message_time_, zero_of_clock_ + std::chrono::microseconds(arrival_ns_ / 1000));
@@ -388,6 +394,7 @@ void MonitorReader::read_text(const Order& order, const Observation& observation
   if (observation.type == "SN" || (observation.type != "NM" && !observation.unit.unit.empty())) {
     text.text += observation.unit.unit.empty() ? "" : " " + observation.unit.unit;
   }
+  text.quality = quality_of(observation, text.device_time);
   note_lateness(observation, text.device_time);
   lines_.emplace_back(std::move(text));
 }
@@ -553,6 +560,8 @@ void MonitorReader::read_alarm(const Order& order, std::size_t index) {
   if (!inactivation.empty() && inactivation != "enabled") {
     alarm.state += (alarm.state.empty() ? "" : ", ") + inactivation;
   }
+  alarm.quality = quality_of(event, alarm.device_time);
+  note_lateness(event, alarm.device_time);
   lines_.emplace_back(std::move(alarm));
 }
 

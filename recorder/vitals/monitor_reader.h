@@ -13,7 +13,8 @@
 //   same
 //                   measurement, and not a sample again
 //   quality         INV, W, D: invalid; QUES, DEMO, TEST, CALIB: questionable; so is what was measured before
-//                   the recording began, or may have been: a queue brings an earlier patient's values
+//                   the case began, or may have been: a queue brings an earlier patient's values. When it was
+//                   says OBX-14, else OBR-7, else MSH-7. Of texts and alarms, too
 //   time            of arrival; what was measured more than kLateUs before by the monitor's clock while the
 //                   recording ran keeps its quality, which is the monitor's word: its device_time says when,
 //                   and a notice that it is so
@@ -63,6 +64,9 @@ class MonitorReader {
   std::vector<media::VitalLine> read(const Hl7Message& message, std::int64_t arrival_ns,
                                      std::optional<UtcTime> arrived = {}, std::size_t begin = 0,
                                      std::size_t end = SIZE_MAX);
+  /// The case begins there, and not where the recording did, which goes ahead of it. What was told before may
+  /// not be in it.
+  void case_begins(std::int64_t begins_ns);
 
  private:
   struct Order;
@@ -84,9 +88,8 @@ class MonitorReader {
   [[nodiscard]] std::optional<UtcTime> device_time(const Order& order, const Observation& observation) const;
   bool is_repeated(const Observation& observation, const media::VitalSample& sample);
   media::VitalQuality quality_of(const Observation& observation, const std::optional<UtcTime>& measured);
-  /// By the monitor's clock, or as long as nobody knows it.
-  [[nodiscard]] bool may_be_before_recording(const Observation& observation,
-                                             const std::optional<UtcTime>& stated) const;
+  /// By the monitor's clock, or as long as nobody knows it. By this machine's where messages state no time.
+  [[nodiscard]] bool may_be_before_recording(const std::optional<UtcTime>& measured) const;
 
   std::string source_;
   AssumedZone assumed_zone_;
@@ -104,8 +107,10 @@ class MonitorReader {
     std::int64_t newest_ns = 0;  // arrival of the last of them
   };
   std::optional<Apart> apart_;
-  bool is_live_ = false;     // the message being read has an `arrived`
-  UtcTime zero_of_clock_{};  // by the estimate, once there is a message_time_
+  bool is_live_ = false;       // the message being read has an `arrived`
+  UtcTime zero_of_clock_{};    // by the estimate, once there is a message_time_
+  UtcTime zero_of_machine_{};  // by this machine's clock; of a message with an `arrived`
+  std::int64_t begins_ns_ = 0;
   std::optional<std::int64_t> clock_stated_ns_;
   std::map<std::pair<std::string, std::string>, std::pair<UtcTime, std::optional<double>>> measured_;
   std::map<std::pair<std::string, std::string>, double> rates_;  // by code and sub-identifier

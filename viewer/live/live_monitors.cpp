@@ -99,6 +99,8 @@ void LiveMonitors::take(Stream& stream, const media::DeviceAlarm& alarm) {
   const auto found = std::ranges::find(stream.alarm_keys, key);
   const auto place = found - stream.alarm_keys.begin();
   const bool lasts = alarm.phase != "end" && alarm.state != "inactive";
+  // It may be an earlier patient's.
+  if (lasts && alarm.quality != media::VitalQuality::kGood) return;
   if (!lasts) {
     if (found == stream.alarm_keys.end()) return;
     stream.alarms.erase(stream.alarms.begin() + place);

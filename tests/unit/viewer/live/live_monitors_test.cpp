@@ -87,6 +87,19 @@ TEST_F(LiveMonitorsTest, ShowAlarmsUntilTheyEnd) {
   EXPECT_THAT(now().alarms, SizeIs(1));
 }
 
+// What a queue brings of an earlier patient is told by no alarm of now.
+TEST_F(LiveMonitorsTest, AnAlarmThatMayBeAnEarlierPatientsIsNotOpened) {
+  media::DeviceAlarm earlier;
+  earlier.time_ns = kSecond;
+  earlier.text = "Asystole";
+  earlier.phase = "start";
+  earlier.quality = media::VitalQuality::kQuestionable;
+  tap_->offer(earlier);
+  EXPECT_THAT(now().alarms, IsEmpty());
+  alarm(2 * kSecond, "continue");
+  EXPECT_THAT(now().alarms, SizeIs(1));
+}
+
 // A device whose alarms name values begins each under another text, and ends none of them.
 TEST_F(LiveMonitorsTest, ShowANewAlarmAlsoBehindManyThatNeverEnded) {
   for (std::size_t i = 1; i <= LiveMonitors::kMostAlarms; ++i)
