@@ -63,6 +63,9 @@ TEST_F(LiveMonitorsTest, ShowTheNewestNumber) {
   EXPECT_EQ(now().series[0].value, std::nullopt);
   number(4 * kSecond, 250, media::VitalQuality::kInvalid);
   EXPECT_EQ(now().series[0].value, std::nullopt) << "what its device calls invalid is no number";
+  EXPECT_FALSE(now().series[0].is_questionable);
+  number(5 * kSecond, 18, media::VitalQuality::kQuestionable);
+  EXPECT_TRUE(now().series[0].is_questionable);
 }
 
 TEST_F(LiveMonitorsTest, GiveOfAWaveWhatIsNewAndKeepTenSeconds) {
