@@ -138,6 +138,7 @@ std::vector<media::VitalLine> MonitorReader::read(const Hl7Message& message, std
   bool empty = true;
   for (const Order& order : orders) {
     empty = empty && order.observations.empty();
+    note_order(order);
     read_order(order, alarms);
   }
   if (empty) {
@@ -317,6 +318,24 @@ std::optional<UtcTime> MonitorReader::device_time(const Order& order, const Obse
   return message_time_;
 }
 
+void MonitorReader::note_order(const Order& order) {
+  if (!order.begin || !order.begin->is_instant()) return;
+  const auto [known, added] = orders_.try_emplace(order.begin->utc(zone_), Stated{arrival_ns_, arrival_ns_});
+  known->second.last_ns = arrival_ns_;
+  if (orders_.size() <= kMostOrders) return;
+  const auto last_ns = [](const auto& each) { return each.second.last_ns; };
+  orders_.erase(std::ranges::min_element(orders_, {}, last_ns));
+}
+
+std::optional<UtcTime> MonitorReader::measured_at(const Order& order, const Observation& observation,
+                                                  const std::optional<UtcTime>& stated) const {
+  const bool is_by_order = !observation.time && order.begin && order.begin->is_instant();
+  if (!is_by_order || is_intermittent(observation) || !message_time_) return stated;
+  const auto known = orders_.find(order.begin->utc(zone_));
+  const bool goes_on = known != orders_.end() && arrival_ns_ - known->second.first_ns >= kOrderGoesOnNs;
+  return goes_on ? message_time_ : stated;
+}
+
 void MonitorReader::note_lateness(const Observation& observation, const std::optional<UtcTime>& measured) {
   if (!measured || !message_time_ || may_be_before_recording(measured)) return;
   // A message that was held up has an old time itself: the clock's estimate tells.
@@ -344,7 +363,7 @@ void MonitorReader::read_number(const Order& order, const Observation& observati
     sample.quality = VitalQuality::kMissing;
   } else if (number) {
     sample.value = number;
-    sample.quality = quality_of(observation, sample.device_time);
+    sample.quality = quality_of(observation, measured_at(order, observation, sample.device_time));
   } else {
     const bool repeated = observation.value.repetitions().size() > 1;
     notice("value-no-number", observation.name() + ": the value '" + first_words(text) + "' is no number" +
@@ -394,7 +413,7 @@ void MonitorReader::read_text(const Order& order, const Observation& observation
   if (observation.type == "SN" || (observation.type != "NM" && !observation.unit.unit.empty())) {
     text.text += observation.unit.unit.empty() ? "" : " " + observation.unit.unit;
   }
-  text.quality = quality_of(observation, text.device_time);
+  text.quality = quality_of(observation, measured_at(order, observation, text.device_time));
   note_lateness(observation, text.device_time);
   lines_.emplace_back(std::move(text));
 }
@@ -491,7 +510,7 @@ void MonitorReader::read_wave(const Order& order, std::size_t index) {
   } else {
     wave.device_time = message_time_;
   }
-  wave.quality = quality_of(observation, wave.device_time);
+  wave.quality = quality_of(observation, measured_at(order, observation, wave.device_time));
   const Observation* const inoperative = order.attribute(index, "MDC_EVT_INOP");
   if (inoperative != nullptr && parse_decimal(inoperative->value.text()).value_or(0) != 0) {
     wave.quality = VitalQuality::kQuestionable;
@@ -560,7 +579,7 @@ void MonitorReader::read_alarm(const Order& order, std::size_t index) {
   if (!inactivation.empty() && inactivation != "enabled") {
     alarm.state += (alarm.state.empty() ? "" : ", ") + inactivation;
   }
-  alarm.quality = quality_of(event, alarm.device_time);
+  alarm.quality = quality_of(event, measured_at(order, event, alarm.device_time));
   note_lateness(event, alarm.device_time);
   lines_.emplace_back(std::move(alarm));
 }

@@ -51,6 +51,9 @@ class MonitorReader {
   static constexpr std::int64_t kSteadyNs = 3'000'000'000;
   static constexpr std::int64_t kSteadyUs = 2'000'000;           // so far apart by both clocks at most
   static constexpr std::int64_t kForgottenNs = 180'000'000'000;  // after so long without one that fits
+  /// An order (OBR-7) that is stated for so long goes on: when it began says nothing of what it observes now.
+  static constexpr std::int64_t kOrderGoesOnNs = 60'000'000'000;
+  static constexpr std::size_t kMostOrders = 64;
 
   /// `source` stands in the lines; times without zone count as MSH-7 states, else by `assumed_zone`.
   MonitorReader(std::string source, const AssumedZone& assumed_zone);
@@ -77,6 +80,10 @@ class MonitorReader {
   /// which waited somewhere.
   bool tells_clock(std::optional<UtcTime> arrived);
   void note_unknown_segments(std::span<const Hl7Segment> segments);
+  void note_order(const Order& order);
+  /// When what is observed was measured, as far as its patient goes; `stated` is its device_time().
+  [[nodiscard]] std::optional<UtcTime> measured_at(const Order& order, const Observation& observation,
+                                                   const std::optional<UtcTime>& stated) const;
   void note_lateness(const Observation& observation, const std::optional<UtcTime>& measured);
   void read_order(const Order& order, bool alarms);
   void read_one(const Order& order, std::size_t index);
@@ -114,6 +121,10 @@ class MonitorReader {
   std::optional<std::int64_t> clock_stated_ns_;
   std::map<std::pair<std::string, std::string>, std::pair<UtcTime, std::optional<double>>> measured_;
   std::map<std::pair<std::string, std::string>, double> rates_;  // by code and sub-identifier
+  struct Stated {
+    std::int64_t first_ns = 0, last_ns = 0;  // arrival
+  };
+  std::map<UtcTime, Stated> orders_;  // by OBR-7
   std::set<std::string> noticed_;
 };
 

@@ -238,12 +238,13 @@ TEST_F(MonitorReaderTest, AlarmsAndTextsOfAQueueAreQuestionableToo) {
 
 // A gateway stamps the message as it sends it, and the order says when it was measured.
 TEST_F(MonitorReaderTest, AnOldOrderThatIsSentNowIsQuestionable) {
-  const auto of_order = [this](const std::string& sent, const std::string& begun,
-                               const std::string& measured = "") {
-    arrived_ = parse_utc("2026-01-01T12:00:10Z");
+  std::int64_t since_ns = 10'000'000'000;
+  const auto of_order = [&](const std::string& sent, const std::string& begun,
+                            const std::string& measured = "") {
+    arrived_ = *parse_utc("2026-01-01T12:00:00Z") + std::chrono::microseconds(since_ns / 1000);
     const auto samples = of<VitalSample>(read(
         "OBR|1|||1^X|||" + begun + "\rOBX|1|NM|147842^MDC_ECG_HEART_RATE^MDC|1|31|/min|||||F|||" + measured,
-        10'000'000'000, sent));
+        since_ns, sent));
     return samples.empty() ? VitalQuality::kMissing : samples.front().quality;
   };
   EXPECT_EQ(of_order("", "20260101112000"), VitalQuality::kQuestionable) << "without MSH-7";
@@ -251,7 +252,11 @@ TEST_F(MonitorReaderTest, AnOldOrderThatIsSentNowIsQuestionable) {
   EXPECT_EQ(of_order("", "20260101120009"), VitalQuality::kGood);
   EXPECT_EQ(of_order("20260101120010", "20260101112000"), VitalQuality::kQuestionable);
   EXPECT_EQ(of_order("20260101120010", "20260101112000", "20260101120009"), VitalQuality::kGood)
-      << "an order that goes on";
+      << "its value is of now";
+  since_ns += MonitorReader::kOrderGoesOnNs;
+  EXPECT_EQ(of_order("20260101120110", "20260101112000"), VitalQuality::kGood) << "an order that goes on";
+  EXPECT_EQ(of_order("20260101120110", "20260101112500"), VitalQuality::kQuestionable) << "another one";
+  EXPECT_EQ(of_order("20260101120110", "20260101112000", "20260101112000"), VitalQuality::kQuestionable);
 }
 
 // What goes ahead of a case may be another patient's, too.
