@@ -53,6 +53,11 @@ class LineWriter {
       add("mdc", mdc);
     }
   }
+  void add_quality(VitalQuality quality) {
+    if (quality == VitalQuality::kMissing)
+      throw Error("cannot write a line of the vital signs: words and alarms are never missing");
+    if (quality != VitalQuality::kGood) add("quality", quality_name(quality));
+  }
   std::string finish() && {
     line_ += '}';
     return std::move(line_);
@@ -75,6 +80,7 @@ std::string write(const VitalText& text) {
   writer.add_code(text.code, text.mdc);
   writer.add("text", std::string_view(text.text));
   writer.add("source", std::string_view(text.source));
+  writer.add_quality(text.quality);
   return std::move(writer).finish();
 }
 
@@ -88,6 +94,7 @@ std::string write(const DeviceAlarm& alarm) {
   writer.add("state", std::string_view(alarm.state));
   writer.add("priority", std::string_view(alarm.priority));
   writer.add("source", std::string_view(alarm.source));
+  writer.add_quality(alarm.quality);
   return std::move(writer).finish();
 }
 
@@ -138,13 +145,25 @@ void read_time_and_code(LineFields& fields, Line& line) {
   }
 }
 
+/// Good is left out.
+template <typename Line>
+void read_quality(LineFields& fields, Line& line) {
+  std::string name;
+  if (!fields.has("quality") || !fields.text("quality", name)) return;
+  line.quality = parse_quality(name).value_or(VitalQuality::kGood);
+  if (line.quality != VitalQuality::kQuestionable && line.quality != VitalQuality::kInvalid)
+    fields.refuse("quality", "is none of questionable, invalid");
+}
+
 void read(LineFields& fields, VitalText& text) {
   read_time_and_code(fields, text);
+  read_quality(fields, text);
   fields.text("text", text.text);
 }
 
 void read(LineFields& fields, DeviceAlarm& alarm) {
   read_time_and_code(fields, alarm);
+  read_quality(fields, alarm);
   fields.text("text", alarm.text);
   fields.text("about", alarm.about);
   fields.text("phase", alarm.phase);

@@ -2,10 +2,11 @@
 // others have a "kind". Like samples, they are written in one form and read in every form of JSON. Values;
 // functions are pure and thread-safe.
 //
-//   {"time_ns":1,"kind":"text","device_time":T,"code":C,"mdc":N,"text":"Alert","source":S}
-//       a quantity whose value is words; device_time and mdc only if known
+//   {"time_ns":1,"kind":"text","device_time":T,"code":C,"mdc":N,"text":"Alert","source":S,"quality":Q}
+//       a quantity whose value is words; device_time and mdc only if known; quality, here and of an alarm,
+//       only if it is "questionable" or "invalid"
 //   {"time_ns":1,"kind":"alarm","device_time":T,"code":C,"mdc":N,"text":"SpO2 low","about":C,"phase":"start",
-//    "state":"active","priority":"PH","source":S}
+//    "state":"active","priority":"PH","source":S,"quality":Q}
 //       an alarm of a device, in its own words (IEEE 11073-10201, IHE PCD-04)
 //   {"time_ns":1,"kind":"message","answer":"AA","text":"MSH|…","source":S}
 //       what a device sent, byte for byte, before the samples that were read from it; "base64" instead of
@@ -34,6 +35,7 @@ struct VitalText {
   std::uint32_t mdc = 0;  // 0: unknown
   std::string text;
   std::string source;
+  VitalQuality quality = VitalQuality::kGood;  // not kMissing
   bool operator==(const VitalText&) const = default;
 };
 
@@ -46,6 +48,7 @@ struct DeviceAlarm {
   std::uint32_t mdc = 0;
   std::string text, about, phase, state, priority;
   std::string source;
+  VitalQuality quality = VitalQuality::kGood;  // not kMissing
   bool operator==(const DeviceAlarm&) const = default;
 };
 

@@ -66,6 +66,8 @@ class Lane {
  public:
   virtual ~Lane() = default;
   virtual void start() = 0;
+  /// A case begins there, of what is recorded ahead. Thread-safe.
+  virtual void case_begins(std::int64_t /*begins_ns*/) {}
   /// Asks the source to end; returns at once. Thread-safe.
   virtual void stop() = 0;
   /// Waits until everything is recorded and stated. Gaps that last until the end are stated up to `close_ns`.

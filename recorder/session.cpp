@@ -370,6 +370,7 @@ void Session::State::make_case(std::int64_t from_ns) {
   if (pointing) pointing->begin(from_ns);
   ledger_writer->begin_case(*writer, *stamper);
   begins_ns = from_ns;
+  for (const auto& lane : lanes) lane->case_begins(from_ns);
   note_for_search();  // before a later subject can come
   begun = true;
 }

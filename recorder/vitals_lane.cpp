@@ -15,9 +15,9 @@ namespace {
 constexpr std::int64_t kSilenceNs = 10'000'000'000;
 
 /// Notices that a person should hear of while the case runs.
-constexpr std::array<std::string_view, 8> kTold{"connection-refused", "sender-refused",   "training-message",
+constexpr std::array<std::string_view, 9> kTold{"connection-refused", "sender-refused",   "training-message",
                                                 "archived-message",   "several-messages", "several-beds",
-                                                "several-patients",   "place-not-stated"};
+                                                "several-patients",   "place-not-stated", "measured-before"};
 
 }  // namespace
 

@@ -22,6 +22,7 @@ class VitalsLane : public Lane, private VitalsSegmentSink {
   ~VitalsLane() override;
 
   void start() override;
+  void case_begins(std::int64_t begins_ns) override { source_->case_begins(begins_ns); }
   void stop() override;
   void finish(std::int64_t close_ns) override;
   [[nodiscard]] bool ended() const override { return ended_; }

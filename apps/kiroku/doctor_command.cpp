@@ -26,6 +26,7 @@
 #include "apps/kiroku/output_file.h"
 #include "apps/kiroku/recording_setup.h"
 #include "apps/kiroku/store.h"
+#include "apps/kiroku/stream_silence.h"
 #include "archive/format/boot_quote.h"
 #include "archive/search/search_key.h"
 #include "base/error.h"
@@ -540,40 +541,54 @@ Check check_search_key(const Home& home, const Configuration& configuration) {
 
 /// What `kiroku status` and doctor say of the disk is one figure: kirokud's where it runs, which knows what
 /// rooms really write, else by what they are configured for.
-recorder::DiskHours disk_hours(const Home& home, const Configuration& configuration,
-                               const std::optional<nlohmann::json>& status) {
-  recorder::DiskHours left;
+struct SpaceLeft {
+  recorder::DiskHours hours;
+  std::uint64_t bytes_free = 0;
+};
+SpaceLeft space_left(const Home& home, const Configuration& configuration,
+                     const std::optional<nlohmann::json>& status) {
+  SpaceLeft left;
   if (status) {
     const nlohmann::json& disk = status->at("disk");
     if (!disk.is_object()) throw Error("kirokud cannot look at the archive");
-    if (disk.at("hours_left").is_number()) left.hours = disk.at("hours_left").get<double>();
-    left.assumes = disk.value("hours_assume", "");
+    left.bytes_free = disk.at("free_bytes").get<std::uint64_t>();
+    if (disk.at("hours_left").is_number()) left.hours.hours = disk.at("hours_left").get<double>();
+    left.hours.are_at_most = disk.value("hours_at_most", false);
+    left.hours.assumes = disk.value("hours_assume", "");
     return left;
   }
   std::vector<recorder::RoomRate> rates;
   for (const RoomConfiguration& room : configuration.rooms) {
-    std::vector<recorder::VideoProfile> videos;
+    std::vector<recorder::ConfiguredVideo> videos;
     for (const StreamConfiguration& stream : room.streams) {
-      if (stream.is_video) videos.push_back(stream.video);
+      if (stream.is_video) videos.push_back({stream.video, stream.source});
       if (stream.also) {
-        videos.push_back(stream.video);
-        videos.back().profile = *stream.also;
+        videos.push_back({stream.video, stream.source});
+        videos.back().video.profile = *stream.also;
       }
     }
     rates.push_back(recorder::rate_of(room.name, 0, 0, recorder::configured_bytes_per_second(videos)));
   }
-  return recorder::disk_hours(free_bytes(home), rates);
+  left.bytes_free = free_bytes(home);
+  left.hours = recorder::disk_hours(left.bytes_free, rates);
+  return left;
 }
 
 Check check_hours(const Home& home, const Configuration& configuration,
                   const std::optional<nlohmann::json>& status) {
-  const recorder::DiskHours left = disk_hours(home, configuration, status);
+  const auto& [left, bytes_free] = space_left(home, configuration, status);
+  std::string finding;
+  if (left.hours) {
+    char hours[32];
+    std::snprintf(hours, sizeof hours, "%s %.1f", left.are_at_most ? "at most" : "about", *left.hours);
+    finding = std::string(hours) + " if every room records (" + left.assumes + ")";
+  } else {
+    finding = format_bytes(bytes_free) + " are free, for how long is not known yet: " + left.assumes;
+  }
   const std::string subject = "hours of disk";
-  if (!left.hours) return {Health::kGood, subject, "not known yet: " + left.assumes, ""};
-  char hours[32];
-  std::snprintf(hours, sizeof hours, "about %.1f", *left.hours);
-  const std::string finding = std::string(hours) + " if every room records (" + left.assumes + ")";
-  if (*left.hours >= configuration.storage.warn_below_hours) return {Health::kGood, subject, finding, ""};
+  const double least = configuration.storage.warn_below_hours;
+  if (!recorder::is_short(left, bytes_free, configuration.rooms.size(), least))
+    return {Health::kGood, subject, finding, ""};
   return {Health::kWarning, subject, finding, "make room, or replicate and erase what may be erased"};
 }
 
@@ -633,11 +648,31 @@ nlohmann::json room_of(const nlohmann::json& status, const std::string& name) {
   return {};
 }
 
+/// Of a room that records, or records ahead: kirokud holds its sources, and says which of them deliver.
+void examine_held_sources(const RoomConfiguration& room, const nlohmann::json& told, Examination& out) {
+  const std::string state = told.value("state", "") == "standby" ? "records ahead" : "records";
+  for (const nlohmann::json& stream : told.value("streams", nlohmann::json::array())) {
+    const std::string source = "source " + room.name + "/" + printable(stream.value("name", ""));
+    const std::string age = format_duration(stream.value("age_ms", std::int64_t{0}) * 1'000'000);
+    if (is_silent(stream)) {
+      out.add({Health::kBad, source, "the room " + state + ", and it delivers nothing since " + age,
+               "look at cable, power and address; the gap is stated in a case, which begins without it"});
+    } else if (!stream.value("live", false)) {
+      out.add({Health::kWarning, source, "the room " + state + ", and it delivers nothing yet",
+               "it is being opened: ask again in some seconds"});
+    } else {
+      out.add({Health::kGood, source, "the room " + state + ", and it delivers", ""});
+    }
+  }
+}
+
 /// Of a room of the recorder that runs: what it says itself. An idle one holds no source, and can tell of
 /// none.
 void examine_running_room(const RoomConfiguration& room, const nlohmann::json& told, Examination& out) {
   const std::string state = told.value("state", ""), problem = told.value("problem", "");
-  if (state != "idle") {
+  if (holds_sources(state)) {
+    examine_held_sources(room, told, out);
+  } else if (state != "idle") {
     out.add({Health::kGood, "sources of " + room.name,
              "the room is " + state + ", and kirokud holds them: 'kiroku status' tells how they are", ""});
   }
@@ -751,7 +786,8 @@ void add_doctor_command(Command& program) {
       "Looks at configuration, permissions, recipients, disk, clock, time-stamping authorities, worklists "
       "and sources, and says what to do about what is not good. Where kirokud runs it opens the sources of "
       "idle "
-      "rooms alone: not while a case may begin. Writes a trial file of 256 MB into the "
+      "rooms alone, not while a case may begin; of rooms that record, or record ahead, kirokud says which "
+      "deliver. Writes a trial file of 256 MB into the "
       "archive "
       "and removes it. Exit status "
       "1 if anything is bad.");

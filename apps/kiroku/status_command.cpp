@@ -10,6 +10,7 @@
 #include "apps/common/terminal.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
+#include "apps/kiroku/stream_silence.h"
 #include "base/error.h"
 #include "recorder/control/control_client.h"
 
@@ -20,7 +21,6 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 constexpr std::int64_t kNanosecondsPerMillisecond = 1'000'000;
-constexpr std::int64_t kStaleMilliseconds = 5'000;
 
 struct Request {
   std::optional<std::string> home;
@@ -99,20 +99,18 @@ void print_room(const json& room, std::string& out) {
                  "works; 'kiroku case stop' ends the operation") +
            "\n";
   }
-  if (recording) {
+  if (holds_sources(state)) {
     std::vector<std::vector<std::string>> rows{
         {"stream", "", "as", "recorded", "lost", "segments", "size", "last", "on disk to"}};
     for (const json& stream : room["streams"]) {
-      const bool live = stream.value("live", false);
-      const bool stale = stream.value("age_ms", std::int64_t{0}) > kStaleMilliseconds;
-      rows.push_back({printable(stream.value("name", "")), live && !stale ? "live" : "SILENT",
-                      profile_text(stream), std::to_string(stream.value("frames", 0)),
-                      std::to_string(stream.value("dropped", 0)), std::to_string(stream.value("segments", 0)),
-                      format_bytes(stream.value("bytes", 0ULL)), age(stream, "age_ms") + " ago",
-                      age(stream, "durable_age_ms") + " ago"});
+      const bool is_live = stream.value("live", false) && !is_silent(stream);
+      rows.push_back({printable(stream.value("name", "")), is_live ? "live" : "SILENT", profile_text(stream),
+                      std::to_string(stream.value("frames", 0)), std::to_string(stream.value("dropped", 0)),
+                      std::to_string(stream.value("segments", 0)), format_bytes(stream.value("bytes", 0ULL)),
+                      age(stream, "age_ms") + " ago", age(stream, "durable_age_ms") + " ago"});
     }
     out += format_table(rows, "lllrrrrrr", 2);
-    if (const std::string rule = room.value("profile_rule", ""); !rule.empty())
+    if (const std::string rule = room.value("profile_rule", ""); recording && !rule.empty())
       out += "  profile chosen by rule " + printable(rule) + "\n";
     for (const json& stream : room["streams"]) {
       if (const auto refused = stream.value("refused", std::uint64_t{0}); refused > 0) {
@@ -136,6 +134,8 @@ void print_room(const json& room, std::string& out) {
                                   ": decoded without a box, beside the device key; kiroku doctor says why") +
           "\n";
     }
+  }
+  if (recording) {
     out += "  time-stamps: " + std::to_string(room.value("tokens", 0)) + ", missed " +
            std::to_string(room.value("missed", 0)) + "\n";
     print_authorities(room["authorities"], out);
@@ -156,7 +156,8 @@ std::string disk_text(const json& disk) {
   std::string out = "disk: " + format_bytes(disk.value("free_bytes", 0ULL)) + " free";
   if (disk["hours_left"].is_number()) {
     char hours[32];
-    std::snprintf(hours, sizeof hours, ", about %.1f hours", disk["hours_left"].get<double>());
+    std::snprintf(hours, sizeof hours, ", %s %.1f hours",
+                  disk.value("hours_at_most", false) ? "at most" : "about", disk["hours_left"].get<double>());
     out += std::string(hours) + " if every room records";
   }
   if (const std::string assumes = disk.value("hours_assume", ""); !assumes.empty()) {
@@ -216,7 +217,8 @@ void add_status_command(Command& program) {
   add_home_option(command, request->home);
   command.flag("--json", request->json, "prints one JSON object instead; with --watch, one a line");
   command.explain(
-      "For each stream: whether its source delivers, how much was recorded and lost, how long ago the last "
+      "For each stream of a room that records, or records ahead: whether its source delivers, how much was "
+      "recorded and lost, how long ago the last "
       "picture or "
       "sample came, and up to when everything is safely on the disk. For each room which time-stamping "
       "authorities "

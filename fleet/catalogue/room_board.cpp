@@ -21,6 +21,15 @@ constexpr std::chrono::days kCertificateEndsSoon{7};
 constexpr std::chrono::hours kDoubledFor{1};
 constexpr std::string_view kRecording = "recording";
 
+/// Free space that is scarce where the hours are not known: one camera of 4 Mbit/s in each room fills it in
+/// kScarceHours.
+constexpr std::uint64_t kScarceBytes = 16'000'000'000;
+
+bool is_short(const DiskReport& disk, std::size_t rooms) {
+  if (disk.hours_left) return *disk.hours_left < kScarceHours;
+  return disk.free_bytes < kScarceBytes * std::max<std::size_t>(1, rooms);
+}
+
 /// Runs may be no more than a person's test, and are told for an hour. A certificate that was replaced and is
 /// used is told until the name is enrolled anew: the one that is heard may be the copy.
 bool is_of_two(const EnrolledAppliance& one, UtcTime now) {
@@ -37,8 +46,7 @@ std::vector<Concern> concerns_of_appliance(const BoardRow& row, const EnrolledAp
   add(!report.recorder, Concern::kNoRecorder);
   if (report.recorder) {
     const ApplianceReport::Recorder& recorder = *report.recorder;
-    add(recorder.disk && recorder.disk->hours_left && *recorder.disk->hours_left < kScarceHours,
-        Concern::kDiskShort);
+    add(recorder.disk && is_short(*recorder.disk, recorder.rooms.size()), Concern::kDiskShort);
     add(!recorder.disk, Concern::kDiskUnknown);
     add(!recorder.clock.synchronised, Concern::kClockFree);
     add(!recorder.authorities.empty() &&

@@ -28,8 +28,8 @@ enum class Concern {
   kNotHeard,      // the appliance stopped reporting
   kNoRecorder,    // the appliance reports, and no recorder answers there
   kUnreadable,    // its newest report cannot be read by this program
-  kSilent,        // a source of a room that records delivers nothing
-  kDiskShort,     // less than eight hours are left
+  kSilent,        // a source of a room that records, or records ahead, delivers nothing
+  kDiskShort,     // less than eight hours are left, or little space where they are not known
   kDiskUnknown,   // its recorder cannot look at the archive's disk: what is recorded may not reach it
   kTwoOfOneName,  // two report under this name: one is a copy
   // To be looked at today.

@@ -199,7 +199,9 @@ RoomReport room_report(const json& of) {
     const std::int64_t age_ms = stream.value("age_ms", std::int64_t{0});
     const std::int64_t silent_ms = stream.value("kind", "") == "vitals" ? kSilentVitals_ms : kSilent_ms;
     const bool is_silent = (!stream.value("live", false) && age_ms >= kSilent_ms) || age_ms >= silent_ms;
-    if (room.state == "recording" && is_silent) room.silent.push_back(stream.value("name", ""));
+    // A room that records ahead holds its sources, too.
+    const bool is_held = room.state == "recording" || room.state == "standby";
+    if (is_held && is_silent) room.silent.push_back(stream.value("name", ""));
   }
   room.missed = of.value("missed", std::uint64_t{0});
   room.has_problem = !of.value("problem", "").empty();

@@ -45,14 +45,9 @@ CaseSubject::Found CaseSubject::at_beginning(UtcTime now, std::optional<Bytes> g
   }
   is_found_ = false;
   if (found.json || goes_on != GoesOn::kNo || !source_) return found;
-  if (const auto known = find()) {
-    found.json = subject_json(*known);
-    numbers_ = known->numbers;
-    is_about(known);
-    is_found_ = true;
-    found.state = SubjectState::kFound;
-  }
-  looked_for_ = !found.json;
+  looked_for_ = true;
+  found.json = look();
+  if (found.json) found.state = SubjectState::kFound;
   return found;
 }
 
@@ -77,14 +72,7 @@ std::optional<std::string> CaseSubject::why_missing() const {
 std::optional<Bytes> CaseSubject::late(Clock::Time now) {
   if (!looked_for_ || now < next_look_) return {};
   next_look_ = now + kLookInterval;
-  const std::optional<ProcedureData> found = find();
-  if (!found) return {};
-  // A person may have given one meanwhile.
-  if (!looked_for_.exchange(false)) return {};
-  numbers_ = found->numbers;
-  is_about(found);
-  is_found_ = true;
-  return subject_json(*found);
+  return look();
 }
 
 std::optional<ProcedureData> CaseSubject::about() const {
@@ -95,16 +83,31 @@ std::optional<ProcedureData> CaseSubject::about() const {
 std::optional<std::string> CaseSubject::contradicted(Clock::Time now) {
   if (!is_found_ || now < next_comparison_) return {};
   next_comparison_ = now + kComparisonInterval;
-  const std::optional<ProcedureData> named = find(), known = about();
-  if (!named || !known || may_be_same_patient(*known, *named)) return {};
+  const Objection against = objection();
+  // A person may have given one meanwhile.
+  if (against == Objection::kNone || !is_found_ || !objections_.insert(against).second) return {};
+  return std::string(words_of(against));
+}
+
+Objection CaseSubject::objection() {
+  ProcedureChoice named;
+  try {
+    const Objection told = source_->objection(taken_, begun_at_);
+    is_over_ = is_over_ || told == Objection::kOver;
+    const bool is_of_who_is_there = told == Objection::kAnotherThere || told == Objection::kSeveralThere;
+    if (is_of_who_is_there || (!is_over_ && told != Objection::kNone)) return told;
+    named = source_->choose(begun_at_);
+  } catch (const std::exception& error) {
+    tell_(std::string("procedure data cannot be looked up: ") + error.what());
+  }
+  const ProcedureData& known = *taken_.data;
+  if (!named.data || may_be_same_patient(known, *named.data)) return Objection::kNone;
+  if (!named.is_by_plan) return Objection::kAnotherThere;
   // Lists drop what has begun, and the next one stands there alone.
   constexpr std::size_t kToMinutes = 16;
-  const std::string planned = known->planned.substr(0, kToMinutes);
-  if (!planned.empty() && named->planned.substr(0, kToMinutes) > planned) return {};
-  // A person may have given one meanwhile.
-  if (!is_found_.exchange(false)) return {};
-  return "messages or the worklist name another patient for this room now than the one whom they named for "
-         "this case: see whether the case has the right patient, or the next one has come";
+  const std::string planned = known.planned.substr(0, kToMinutes);
+  const bool is_next = !planned.empty() && named.data->planned.substr(0, kToMinutes) > planned;
+  return is_next || is_over_ ? Objection::kNone : Objection::kAnotherThere;
 }
 
 void CaseSubject::ended(UtcTime now) {
@@ -116,13 +119,23 @@ void CaseSubject::ended(UtcTime now) {
   if (source_ && about && names_somebody(*about)) source_->ended(*about, now);
 }
 
-std::optional<ProcedureData> CaseSubject::find() const {
+std::optional<Bytes> CaseSubject::look() {
+  ProcedureChoice found;
   try {
-    return source_->find(begun_at_);
+    found = source_->choose(begun_at_);
   } catch (const std::exception& error) {
     tell_(std::string("procedure data cannot be looked up: ") + error.what());
   }
-  return {};
+  if (!found.data) return {};
+  // A person may have given one meanwhile.
+  if (!looked_for_.exchange(false)) return {};
+  numbers_ = found.data->numbers;
+  taken_ = found;
+  objections_.clear();
+  is_over_ = false;
+  is_about(found.data);
+  is_found_ = true;
+  return subject_json(*found.data);
 }
 
 }  // namespace kiroku::recorder

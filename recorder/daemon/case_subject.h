@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -60,10 +61,11 @@ class CaseSubject {
   }
   /// Whom the case is about, as far as this process knows.
   [[nodiscard]] std::optional<ProcedureData> about() const;
-  /// To be called again and again while the case runs: a sentence without anything of a patient, once, where
-  /// messages or the worklist name another patient now than the one whom they named for this case, who was
-  /// found and not given. Whoever is planned for later is the
-  /// next one. Looks each ten seconds.
+  /// To be called again and again while the case runs: a sentence without anything of a patient, each once,
+  /// where messages or the worklist speak now against the patient whom they named for this case, who was
+  /// found and not given: somebody else is in the room, what brought or planned the patient was taken back,
+  /// or they go by another number or name. Whoever is only planned for later is the next one. Looks each ten
+  /// seconds.
   std::optional<std::string> contradicted(Clock::Time now);
   /// An earlier process recorded a case about that patient, which was cut off with it.
   void cut_off_before(const ProcedureData& about, UtcTime now) {
@@ -73,7 +75,10 @@ class CaseSubject {
   void ended(UtcTime now);
 
  private:
-  [[nodiscard]] std::optional<ProcedureData> find() const;
+  /// Takes whom procedure data name, if they name one.
+  std::optional<Bytes> look();
+  /// What speaks against whom they named.
+  [[nodiscard]] Objection objection();
   static bool names_somebody(const ProcedureData& data) {
     return !data.patient_id.empty() || !data.patient.empty();
   }
@@ -82,13 +87,16 @@ class CaseSubject {
     about_ = std::move(data);
   }
   std::vector<PatientNumber> numbers_;
+  ProcedureChoice taken_;           // who was found
+  std::set<Objection> objections_;  // that were told of
+  bool is_over_ = false;            // as messages say: what they say of the patient since is of later
 
   const std::shared_ptr<ProcedureSource> source_;
   const std::function<void(const std::string&)> tell_;
   UtcTime begun_at_{};
   Clock::Time next_look_{};
   std::atomic<bool> looked_for_ = false;  // nobody gave one, none was known
-  std::atomic<bool> is_found_ = false;    // nobody gave the one that there is, and no contradiction was told
+  std::atomic<bool> is_found_ = false;    // nobody gave the one that there is
   Clock::Time next_comparison_{};
   GoesOn goes_on_ = GoesOn::kNo;
   bool is_given_ = false;

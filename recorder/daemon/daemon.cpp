@@ -49,9 +49,9 @@ std::optional<DiskState> disk_of(const std::filesystem::path& folder, std::strin
                    std::uint64_t(disk.f_blocks) * disk.f_frsize};
 }
 
-std::optional<double> configured_bytes_per_second(const RoomPlan& plan) {
-  std::vector<VideoProfile> videos;
-  for (const StreamRequest& stream : plan.session.video) videos.push_back(stream.video);
+std::optional<ConfiguredRate> configured_bytes_per_second(const RoomPlan& plan) {
+  std::vector<ConfiguredVideo> videos;
+  for (const StreamRequest& stream : plan.session.video) videos.push_back({stream.video, stream.source});
   return configured_bytes_per_second(videos);
 }
 
@@ -321,9 +321,11 @@ struct Daemon::State {
                      {"free_bytes", disk->free_bytes},
                      {"total_bytes", disk->total_bytes},
                      {"hours_left", nullptr},
+                     {"hours_at_most", false},
                      {"hours_assume", ""}};
     const DiskHours left = hours_left(*disk);
     if (left.hours) out["hours_left"] = std::round(*left.hours * 10) / 10;
+    out["hours_at_most"] = left.hours && left.are_at_most;
     out["hours_assume"] = left.assumes;
     return out;
   }
@@ -417,7 +419,7 @@ struct Daemon::State {
 
   DaemonOptions options;
   const Clock::Time began;
-  std::vector<std::optional<double>> configured;
+  std::vector<std::optional<ConfiguredRate>> configured;
   std::vector<std::unique_ptr<Room>> rooms;
   std::vector<std::pair<std::string, std::unique_ptr<Footswitch>>> footswitches;  // by room; use the rooms
   mutable std::mutex problems_mutex;  // of the options' problems and remarks
@@ -577,7 +579,8 @@ std::string Daemon::metrics() const {
     family("kiroku_disk_free_bytes", "gauge", "Free space of the archive's disk");
     out << "kiroku_disk_free_bytes " << disk->free_bytes << "\n";
     if (const auto hours = state_->hours_left(*disk).hours) {
-      family("kiroku_disk_hours_left", "gauge", "Hours until the disk is full if every room records");
+      family("kiroku_disk_hours_left", "gauge",
+             "Hours until the disk is full if every room records, at most");
       out << "kiroku_disk_hours_left " << *hours << "\n";
     }
   }
@@ -606,13 +609,18 @@ void Daemon::watch_disk() {
   if (std::exchange(state_->told_of_no_disk, !disk) != !disk && state_->options.listener.warn)
     state_->options.listener.warn(disk ? "the archive can be looked at again" : why);
   if (!disk) return;
-  const bool low = hours && *hours < state_->options.warn_below_hours;
+  const bool low = is_short(left, disk->free_bytes, state_->rooms.size(), state_->options.warn_below_hours);
   if (low && !state_->warned_of_disk && state_->options.listener.warn) {
     std::ostringstream sentence;
     sentence.precision(2);
-    sentence << "the disk of " << state_->options.archive.string() << " is full in " << *hours
-             << " hours of recording (" << left.assumes
-             << "): make room, or replicate and erase what may be erased";
+    sentence << "the disk of " << state_->options.archive.string();
+    if (hours) {
+      sentence << " is full in " << (left.are_at_most ? "at most " : "") << *hours << " hours of recording ("
+               << left.assumes << ")";
+    } else {
+      sentence << " has little space, and nobody knows for how long: " << left.assumes;
+    }
+    sentence << ": make room, or replicate and erase what may be erased";
     state_->options.listener.warn(sentence.str());
   }
   state_->warned_of_disk = low;

@@ -45,6 +45,7 @@ void Room::State::record_ahead() {
   {
     const std::lock_guard guard(mutex);
     session = running;
+    problem_of_session.clear();
     status.state = RoomState::kStandby;
     status.session = {};
     start_rules.forget_signal();
@@ -90,6 +91,7 @@ std::string Room::State::begin_if_wanted(Session& running, const SessionStatus& 
   {
     const std::lock_guard guard(mutex);
     status.session = now;
+    tell_new_problem(now);
     if (may_begin) taken = next_request();
     if (may_begin && !taken && !resume && !again && !begins_no_more) {
       const bool scheduled = start_rules.schedule_wants_a_case(time.utc()),
@@ -161,6 +163,7 @@ void Room::State::record(Request& asked) {
   {
     const std::lock_guard guard(mutex);
     session = running;
+    problem_of_session.clear();
     status.state = RoomState::kRecording;
     status.case_id = running->case_id();
     status.has_plan_of_another = running->has_plan_of_another();
@@ -215,8 +218,9 @@ void Room::State::closes() {
 }
 
 void Room::State::tell_new_problem(const SessionStatus& now) {
-  if (now.last_problem.empty() || now.last_problem == status.problem) return;
-  status.problem = now.last_problem;
+  // What was told since, as of the patient, stays the latest.
+  if (now.last_problem.empty() || now.last_problem == problem_of_session) return;
+  problem_of_session = status.problem = now.last_problem;
   if (listener.warn) listener.warn(now.last_problem);
 }
 

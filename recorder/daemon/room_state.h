@@ -231,7 +231,8 @@ struct Room::State {
   // begun.
   bool starts_by_itself = false;
   std::string stopped_meanwhile;
-  std::shared_ptr<Session> session;  // while a case runs
+  std::shared_ptr<Session> session;  // while a case runs, or is recorded ahead
+  std::string problem_of_session;    // the last one of it that was told
   RoomStatus status;
   RateMeter rate;
 

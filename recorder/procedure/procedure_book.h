@@ -56,7 +56,7 @@ struct ProcedureMoment {
 /// before what (_order), where patients are (_places), what is planned (_appointments), what is kept no
 /// longer
 /// (_forgetting), who may still be there though nothing else of the book says so (_claims), whom a case is
-/// about (_choice), and all of it as bytes (_state).
+/// about (_choice), what speaks against that while it runs (_objection), and all of it as bytes (_state).
 class ProcedureBook {
  public:
   /// Of each kind. Of more the oldest go, of appointments those planned furthest from now; those that concern
@@ -94,6 +94,12 @@ class ProcedureBook {
                                                   const ProcedureMoment& at) const {
     return choose(rule, at).data;
   }
+
+  /// What messages say by now against what choose() gave for a case that began at `begun` and runs still.
+  /// Whoever leaves as patients do, or is done with, is no objection, nor is whoever is planned behind them,
+  /// as long as no event brings them.
+  [[nodiscard]] Objection objection(const ProcedureRule& rule, const ProcedureChoice& taken,
+                                    const ProcedureMoment& begun) const;
 
   /// What messages say of a procedure that something else plans in the rule's room, as a worklist does.
   [[nodiscard]] Standing standing(const ProcedureRule& rule, const ProcedureData& data,

@@ -11,7 +11,9 @@
 namespace kiroku::recorder {
 namespace {
 
-constexpr std::uint64_t kVersion = 9;
+constexpr std::uint64_t kVersion = 10;
+/// Which knows not who left as they never came.
+constexpr std::uint64_t kVersionOfOneLeaving = 9;
 /// Which knows of no claims, accounts and kept beds.
 constexpr std::uint64_t kVersionWithoutClaims = 8;
 /// Which knows not who gave an appointment's number, nor what says that somebody is at a place.
@@ -137,7 +139,7 @@ void members(Codec& codec, Message& message) {
          visit, is_of_any_visit, cancels_move, is_of_record, books, corrects, names_resources, leaves_unnamed,
          registers, placer_by, filler_by, names_rooms, is_status_unclear, says_no_status, kept_bed, account,
          prior, discharged, swaps_beds, cancels_departing, rebooks, is_update, adds_rooms, taken_out,
-         are_rooms_unclear] = message;
+         are_rooms_unclear, takes_back] = message;
   if constexpr (Codec::kReads) {
     kind = static_cast<ProcedureMessage::Kind>(
         codec.number_below(static_cast<std::uint64_t>(ProcedureMessage::Kind::kNothing) + 1));
@@ -230,6 +232,7 @@ struct ProcedureBook::AsBytes {
       members(codec, message.kept_bed);
       codec.one(message.account);
     }
+    if (version > kVersionOfOneLeaving) codec.one(message.takes_back);
   }
 
   template <typename Codec, Is<Kept> One>

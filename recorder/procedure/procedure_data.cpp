@@ -252,6 +252,27 @@ std::string_view words_of(Doubt doubt) {
   return "";
 }
 
+std::string_view words_of(Objection objection) {
+  switch (objection) {
+    case Objection::kNone:
+    case Objection::kOver:
+      return "";
+    case Objection::kAnotherThere:
+      return "messages or the worklist name another patient for this room now than the one whom they named "
+             "for this case: see whether the case has the right patient, or the next one has come";
+    case Objection::kSeveralThere:
+      return "messages placed another patient in this room, too, while the case runs: see whether the case "
+             "has the right patient";
+    case Objection::kTakenBack:
+      return "messages take back that the patient whom they named for this case came to this room, or is "
+             "planned for it now: see whether the case has the right patient";
+    case Objection::kOtherIdentity:
+      return "messages give the patient whom they named for this case another number, name or day of birth "
+             "now: see whether the case has the right patient";
+  }
+  return "";
+}
+
 UtcTime::duration least_distance(const std::optional<TimeSpan>& within, UtcTime at) {
   if (!within || (within->earliest <= at && at <= within->latest)) return UtcTime::duration::zero();
   return at < within->earliest ? within->earliest - at : at - within->latest;

@@ -132,6 +132,18 @@ enum class Doubt {
 /// Half a sentence without anything of a patient; "" of kNone.
 std::string_view words_of(Doubt doubt);
 
+/// What messages say against the patient whom they named for a case that runs.
+enum class Objection {
+  kNone,
+  kOver,          // nothing, nor will they: the operation is done, or the patient has left as patients do
+  kAnotherThere,  // somebody else is in the room
+  kSeveralThere,  // somebody else is in the room, and the patient has not left it
+  kTakenBack,     // what brought the patient there, or planned the operation, was called off
+  kOtherIdentity  // the patient goes by another number, name or day of birth
+};
+/// A sentence without anything of a patient; "" of those that are none.
+std::string_view words_of(Objection objection);
+
 /// Whom a case is about, or why that is not known.
 struct ProcedureChoice {
   std::optional<ProcedureData> data;

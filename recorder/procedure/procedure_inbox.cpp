@@ -308,6 +308,12 @@ ProcedureChoice ProcedureInbox::choose(const ProcedureRule& rule, UtcTime at, co
   return choice;
 }
 
+Objection ProcedureInbox::objection(const ProcedureRule& rule, const ProcedureChoice& taken,
+                                    UtcTime at) const {
+  const std::lock_guard guard(state_->mutex);
+  return state_->book.objection(rule, taken, state_->moment(at));
+}
+
 void ProcedureInbox::watch(const ProcedureRule& rule) {
   const std::lock_guard guard(state_->mutex);
   state_->book.watch(rule);

@@ -53,6 +53,8 @@ class ProcedureInbox {
   [[nodiscard]] std::optional<ProcedureData> find(const ProcedureRule& rule, UtcTime at) const {
     return choose(rule, at).data;
   }
+  [[nodiscard]] Objection objection(const ProcedureRule& rule, const ProcedureChoice& taken,
+                                    UtcTime at) const;
   [[nodiscard]] std::vector<ProcedureData> list(const ProcedureRule& rule, UtcTime at) const;
   void note_recorded(const ProcedureRule& rule, const ProcedureData& data, UtcTime at);
   /// Also by an earlier process.

@@ -26,6 +26,8 @@ namespace {
 // A54, A60) it is what some system had on record.
 constexpr std::array<std::string_view, 6> kLeaving{"A03", "A11", "A21", "A23", "A29", "A53"};
 constexpr std::array<std::string_view, 2> kDeparting{"A09", "A32"};
+/// Of both: an admission, a visit, a record or an arriving that is called off.
+constexpr std::array<std::string_view, 4> kTakingBack{"A11", "A23", "A29", "A32"};
 constexpr std::array<std::string_view, 12> kMoving{"A01", "A02", "A04", "A06", "A07", "A10",
                                                    "A12", "A13", "A17", "A22", "A33", "A52"};
 /// They say where a stay is registered, as a clerk enters it, hours ahead or days later too: not where
@@ -205,6 +207,7 @@ class Reader {
       out_.cancels_move = event == "A12";
       out_.swaps_beds = event == "A17";
       out_.cancels_departing = event == "A33";
+      out_.takes_back = is_one_of(event, kTakingBack);
       out_.is_of_any_visit = is_one_of(event, kOfAnyVisit);
       out_.kind = is_one_of(event, kLeaving)        ? Kind::kLeaves
                   : is_one_of(event, kDeparting)    ? Kind::kDeparts

@@ -97,6 +97,7 @@ struct ProcedureMessage {
   bool adds_rooms = false;                  // of is_update: each room that it names is added
   std::vector<std::string> taken_out = {};  // of SIU: places that are the appointment's no more
   bool are_rooms_unclear = false;           // of SIU: it may be in fewer rooms than it was, or not
+  bool takes_back = false;  // of who leaves: they never came, or their record is none: ADT^A11, A23, A29, A32
 };
 
 /// "ADT^A01", "SIU^S12".

@@ -22,15 +22,20 @@ struct ProcedureWay {
 class ProcedureSource {
  public:
   virtual ~ProcedureSource() = default;
-  /// What is known now for a case that began at `at`; nothing if nothing is. Returns at once: whatever takes
-  /// time is done ahead, or meanwhile.
-  [[nodiscard]] virtual std::optional<ProcedureData> find(UtcTime at) const = 0;
+  /// What is known now for a case that began at `at`, or why nothing is taken although somebody may be meant.
+  /// Returns at once: whatever takes time is done ahead, or meanwhile.
+  [[nodiscard]] virtual ProcedureChoice choose(UtcTime at) const = 0;
+  [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const { return choose(at).data; }
+  [[nodiscard]] Doubt doubt(UtcTime at) const { return choose(at).doubt; }
+  /// What speaks now against what choose() gave for a case that began at `at` and runs still. Whoever is
+  /// planned behind it does not. Returns at once.
+  [[nodiscard]] virtual Objection objection(const ProcedureChoice& /*taken*/, UtcTime /*at*/) const {
+    return Objection::kNone;
+  }
   /// Everything that could be meant at `at`, from which a person chooses: in the order of the planned times,
   /// what has none first; at most kMostListed. Returns at once.
   [[nodiscard]] virtual std::vector<ProcedureData> list(UtcTime at) const = 0;
   static constexpr std::size_t kMostListed = 500;
-  /// Why find() gives nothing although somebody may be meant. Returns at once.
-  [[nodiscard]] virtual Doubt doubt(UtcTime /*at*/) const { return Doubt::kNone; }
   /// Whether something of list() was only said once, by a message, and not listed by who can be asked again.
   [[nodiscard]] virtual bool knows_by_messages(UtcTime /*at*/) const { return false; }
   /// When, since the machine's boot (Clock::since_boot()), somebody came to the room last, left it, or was

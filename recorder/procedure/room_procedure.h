@@ -29,8 +29,19 @@ class RoomProcedure : public ProcedureSource {
   /// Where both know the same patient, the worklist completes what the messages say. Where the messages leave
   /// it in doubt who is there, or plan another patient than the worklist does, nobody is taken. No step is of
   /// somebody who left, as messages say, nor what ended() was told of: a person chooses that again.
-  [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const override { return choose(at).data; }
-  [[nodiscard]] Doubt doubt(UtcTime at) const override { return choose(at).doubt; }
+  [[nodiscard]] ProcedureChoice choose(UtcTime at) const override {
+    ProcedureChoice choice = choose_of_both(at);
+    if (choice.data && choice.is_by_plan && was_recorded(*choice.data, at))
+      return {{}, Doubt::kRecordedAlready};
+    // Nobody may have signed them off yet: whoever is next need not be they.
+    if (choice.data && choice.stays_since && is_done(*choice.data, *choice.stays_since, at))
+      return {{}, Doubt::kRecordedHere};
+    return choice;
+  }
+  /// By messages alone: lists drop what has begun.
+  [[nodiscard]] Objection objection(const ProcedureChoice& taken, UtcTime at) const override {
+    return inbox_ ? inbox_->objection(rule_, taken, at) : Objection::kNone;
+  }
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime at) const override {
     std::vector<ProcedureData> all = inbox_ ? inbox_->list(rule_, at) : std::vector<ProcedureData>();
     if (worklist_) add_unknown(all, worklist_->list(at));
@@ -74,15 +85,6 @@ class RoomProcedure : public ProcedureSource {
     ended_.push_back(std::move(one));
   }
 
-  [[nodiscard]] ProcedureChoice choose(UtcTime at) const {
-    ProcedureChoice choice = choose_of_both(at);
-    if (choice.data && choice.is_by_plan && was_recorded(*choice.data, at))
-      return {{}, Doubt::kRecordedAlready};
-    // Nobody may have signed them off yet: whoever is next need not be they.
-    if (choice.data && choice.stays_since && is_done(*choice.data, *choice.stays_since, at))
-      return {{}, Doubt::kRecordedHere};
-    return choice;
-  }
   [[nodiscard]] ProcedureChoice choose_of_both(UtcTime at) const {
     const EndedSince ended = [&](const ProcedureData& data, UtcTime since) {
       return has_ended(data, since, at, true);

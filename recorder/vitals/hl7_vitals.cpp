@@ -244,8 +244,9 @@ Hl7Vitals::Taken Hl7Vitals::take(std::string_view bytes, std::int64_t arrival_ns
     note_mixtures(part, sources[i], arrival_ns, taken.lines);
     if (watch_ && part.observes) watch_->heard(part.numbers, arrival_ns);
     const std::optional<UtcTime> arrived = peer.empty() ? std::nullopt : std::optional(now);
-    for (media::VitalLine& line :
-         reader_of(sources[i]).read(*parsed.message, arrival_ns, arrived, part.begin, part.end)) {
+    MonitorReader& reader = reader_of(sources[i]);
+    reader.case_begins(begins_ns_);
+    for (media::VitalLine& line : reader.read(*parsed.message, arrival_ns, arrived, part.begin, part.end)) {
       taken.lines.push_back(std::move(line));
     }
   }

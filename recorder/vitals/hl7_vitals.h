@@ -2,6 +2,7 @@
 // and known again when it is sent twice. An object belongs to one thread.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <map>
@@ -43,6 +44,9 @@ class Hl7Vitals {
 
   /// Told of each patient whose values are taken; null: nobody. Before the first message.
   void hear_patients(std::shared_ptr<PatientWatch> watch) { watch_ = std::move(watch); }
+
+  /// As VitalSource::case_begins(). From any thread.
+  void case_begins(std::int64_t begins_ns) { begins_ns_ = begins_ns; }
 
   struct Taken {
     /// The message itself first, unless it is of another place, too; then what was read from it; all stamped
@@ -120,6 +124,7 @@ class Hl7Vitals {
   Mixture beds_, patients_;
   std::map<std::string, std::vector<PatientKey>> patients_at_;  // by sender and place
   Tally unreadable_{kMostSenders, kUnreadableKept};             // by peer
+  std::atomic<std::int64_t> begins_ns_ = 0;
   std::map<std::string, MonitorReader> readers_;
   std::shared_ptr<PatientWatch> watch_;
   MessageMemory seen_;

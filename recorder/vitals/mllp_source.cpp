@@ -90,6 +90,7 @@ class MllpSource : public VitalSource {
   [[nodiscard]] bool is_live() const override { return true; }
   [[nodiscard]] std::uint64_t refused() const override { return server_.refused() + vitals_.refused(); }
   [[nodiscard]] std::uint64_t elsewhere() const override { return vitals_.elsewhere(); }
+  void case_begins(std::int64_t begins_ns) override { vitals_.case_begins(begins_ns); }
   void hear_patients(std::shared_ptr<PatientWatch> watch) override {
     vitals_.hear_patients(std::move(watch));
   }
@@ -154,7 +155,7 @@ class MllpSource : public VitalSource {
   }
 
   const CaseClock& clock_;
-  Hl7Vitals vitals_;  // the server's thread alone, but for refused() and elsewhere()
+  Hl7Vitals vitals_;  // the server's thread alone, but for refused(), elsewhere() and case_begins()
   bool started_ = false, drained_ = false;
   std::optional<std::int64_t> quiet_until_ns_;
   std::atomic<bool> interrupted_ = false;

@@ -138,6 +138,7 @@ std::vector<media::VitalLine> MonitorReader::read(const Hl7Message& message, std
   bool empty = true;
   for (const Order& order : orders) {
     empty = empty && order.observations.empty();
+    note_order(order);
     read_order(order, alarms);
   }
   if (empty) {
@@ -158,6 +159,7 @@ void MonitorReader::note_unknown_segments(std::span<const Hl7Segment> segments) 
 void MonitorReader::read_clock(const Hl7Message& message, std::optional<UtcTime> arrived) {
   message_time_.reset();
   is_live_ = arrived.has_value();
+  if (arrived) zero_of_machine_ = *arrived - std::chrono::microseconds(arrival_ns_ / 1000);
   const std::string text = message.header().field(7).component(1).text();
   const auto time = parse_hl7_time(text);
   if (!time || !time->is_instant()) {
@@ -265,14 +267,18 @@ void MonitorReader::read_one(const Order& order, std::size_t index) {
   }
 }
 
-bool MonitorReader::may_be_before_recording(const Observation& observation,
-                                            const std::optional<UtcTime>& stated) const {
-  // An order (OBR-7) may have begun long before what it observes now.
-  const std::optional<UtcTime>& measured =
-      observation.time || is_intermittent(observation) ? stated : message_time_;
+bool MonitorReader::may_be_before_recording(const std::optional<UtcTime>& measured) const {
   if (!is_live_ || !measured) return false;
+  const std::chrono::microseconds begins(begins_ns_ / 1000);
   // Whoever measured it may not be this patient; where nobody knows the clock it may have been then.
-  return !is_clock_known_ ? message_time_.has_value() : (zero_of_clock_ - *measured).count() > kLateUs;
+  if (is_clock_known_) return (zero_of_clock_ + begins - *measured).count() > kLateUs;
+  return message_time_ || (zero_of_machine_ + begins - *measured).count() > kLateUs;
+}
+
+void MonitorReader::case_begins(std::int64_t begins_ns) {
+  if (begins_ns == begins_ns_) return;
+  begins_ns_ = begins_ns;
+  noticed_.clear();
 }
 
 media::VitalQuality MonitorReader::quality_of(const Observation& observation,
@@ -287,14 +293,15 @@ media::VitalQuality MonitorReader::quality_of(const Observation& observation,
       return VitalQuality::kQuestionable;
     }
   }
-  if (may_be_before_recording(observation, measured)) {
+  if (may_be_before_recording(measured)) {
     notice("measured-before",
-           is_clock_known_ ? observation.name() +
-                                 ": values were measured before the recording began; they are recorded "
-                                 "as questionable: they may be of an earlier patient"
-                           : "messages state a time (MSH-7) more than two minutes from this machine's, "
-                             "as those of a queue do; until the monitor's clock is known their values "
-                             "are recorded as questionable: they may be of an earlier patient");
+           is_clock_known_ || !message_time_
+               ? observation.name() +
+                     ": values were measured before the case began; they are recorded as questionable: they "
+                     "may be of an earlier patient"
+               : "messages state a time (MSH-7) more than two minutes from this machine's, "
+                 "as those of a queue do; until the monitor's clock is known their values "
+                 "are recorded as questionable: they may be of an earlier patient");
     return VitalQuality::kQuestionable;
   }
   const bool questionable = observation.has_flag("QUES") || observation.status == "X";
@@ -311,8 +318,26 @@ std::optional<UtcTime> MonitorReader::device_time(const Order& order, const Obse
   return message_time_;
 }
 
+void MonitorReader::note_order(const Order& order) {
+  if (!order.begin || !order.begin->is_instant()) return;
+  const auto [known, added] = orders_.try_emplace(order.begin->utc(zone_), Stated{arrival_ns_, arrival_ns_});
+  known->second.last_ns = arrival_ns_;
+  if (orders_.size() <= kMostOrders) return;
+  const auto last_ns = [](const auto& each) { return each.second.last_ns; };
+  orders_.erase(std::ranges::min_element(orders_, {}, last_ns));
+}
+
+std::optional<UtcTime> MonitorReader::measured_at(const Order& order, const Observation& observation,
+                                                  const std::optional<UtcTime>& stated) const {
+  const bool is_by_order = !observation.time && order.begin && order.begin->is_instant();
+  if (!is_by_order || is_intermittent(observation) || !message_time_) return stated;
+  const auto known = orders_.find(order.begin->utc(zone_));
+  const bool goes_on = known != orders_.end() && arrival_ns_ - known->second.first_ns >= kOrderGoesOnNs;
+  return goes_on ? message_time_ : stated;
+}
+
 void MonitorReader::note_lateness(const Observation& observation, const std::optional<UtcTime>& measured) {
-  if (!measured || !message_time_ || may_be_before_recording(observation, measured)) return;
+  if (!measured || !message_time_ || may_be_before_recording(measured)) return;
   // A message that was held up has an old time itself: the clock's estimate tells.
   const UtcTime device_now =
       std::max(*message_time_, zero_of_clock_ + std::chrono::microseconds(arrival_ns_ / 1000));
@@ -338,7 +363,7 @@ void MonitorReader::read_number(const Order& order, const Observation& observati
     sample.quality = VitalQuality::kMissing;
   } else if (number) {
     sample.value = number;
-    sample.quality = quality_of(observation, sample.device_time);
+    sample.quality = quality_of(observation, measured_at(order, observation, sample.device_time));
   } else {
     const bool repeated = observation.value.repetitions().size() > 1;
     notice("value-no-number", observation.name() + ": the value '" + first_words(text) + "' is no number" +
@@ -388,6 +413,7 @@ void MonitorReader::read_text(const Order& order, const Observation& observation
   if (observation.type == "SN" || (observation.type != "NM" && !observation.unit.unit.empty())) {
     text.text += observation.unit.unit.empty() ? "" : " " + observation.unit.unit;
   }
+  text.quality = quality_of(observation, measured_at(order, observation, text.device_time));
   note_lateness(observation, text.device_time);
   lines_.emplace_back(std::move(text));
 }
@@ -484,7 +510,7 @@ void MonitorReader::read_wave(const Order& order, std::size_t index) {
   } else {
     wave.device_time = message_time_;
   }
-  wave.quality = quality_of(observation, wave.device_time);
+  wave.quality = quality_of(observation, measured_at(order, observation, wave.device_time));
   const Observation* const inoperative = order.attribute(index, "MDC_EVT_INOP");
   if (inoperative != nullptr && parse_decimal(inoperative->value.text()).value_or(0) != 0) {
     wave.quality = VitalQuality::kQuestionable;
@@ -553,6 +579,8 @@ void MonitorReader::read_alarm(const Order& order, std::size_t index) {
   if (!inactivation.empty() && inactivation != "enabled") {
     alarm.state += (alarm.state.empty() ? "" : ", ") + inactivation;
   }
+  alarm.quality = quality_of(event, measured_at(order, event, alarm.device_time));
+  note_lateness(event, alarm.device_time);
   lines_.emplace_back(std::move(alarm));
 }
 

@@ -13,7 +13,8 @@
 //   same
 //                   measurement, and not a sample again
 //   quality         INV, W, D: invalid; QUES, DEMO, TEST, CALIB: questionable; so is what was measured before
-//                   the recording began, or may have been: a queue brings an earlier patient's values
+//                   the case began, or may have been: a queue brings an earlier patient's values. When it was
+//                   says OBX-14, else OBR-7, else MSH-7. Of texts and alarms, too
 //   time            of arrival; what was measured more than kLateUs before by the monitor's clock while the
 //                   recording ran keeps its quality, which is the monitor's word: its device_time says when,
 //                   and a notice that it is so
@@ -50,6 +51,9 @@ class MonitorReader {
   static constexpr std::int64_t kSteadyNs = 3'000'000'000;
   static constexpr std::int64_t kSteadyUs = 2'000'000;           // so far apart by both clocks at most
   static constexpr std::int64_t kForgottenNs = 180'000'000'000;  // after so long without one that fits
+  /// An order (OBR-7) that is stated for so long goes on: when it began says nothing of what it observes now.
+  static constexpr std::int64_t kOrderGoesOnNs = 60'000'000'000;
+  static constexpr std::size_t kMostOrders = 64;
 
   /// `source` stands in the lines; times without zone count as MSH-7 states, else by `assumed_zone`.
   MonitorReader(std::string source, const AssumedZone& assumed_zone);
@@ -63,6 +67,9 @@ class MonitorReader {
   std::vector<media::VitalLine> read(const Hl7Message& message, std::int64_t arrival_ns,
                                      std::optional<UtcTime> arrived = {}, std::size_t begin = 0,
                                      std::size_t end = SIZE_MAX);
+  /// The case begins there, and not where the recording did, which goes ahead of it. What was told before may
+  /// not be in it.
+  void case_begins(std::int64_t begins_ns);
 
  private:
   struct Order;
@@ -73,6 +80,10 @@ class MonitorReader {
   /// which waited somewhere.
   bool tells_clock(std::optional<UtcTime> arrived);
   void note_unknown_segments(std::span<const Hl7Segment> segments);
+  void note_order(const Order& order);
+  /// When what is observed was measured, as far as its patient goes; `stated` is its device_time().
+  [[nodiscard]] std::optional<UtcTime> measured_at(const Order& order, const Observation& observation,
+                                                   const std::optional<UtcTime>& stated) const;
   void note_lateness(const Observation& observation, const std::optional<UtcTime>& measured);
   void read_order(const Order& order, bool alarms);
   void read_one(const Order& order, std::size_t index);
@@ -84,9 +95,8 @@ class MonitorReader {
   [[nodiscard]] std::optional<UtcTime> device_time(const Order& order, const Observation& observation) const;
   bool is_repeated(const Observation& observation, const media::VitalSample& sample);
   media::VitalQuality quality_of(const Observation& observation, const std::optional<UtcTime>& measured);
-  /// By the monitor's clock, or as long as nobody knows it.
-  [[nodiscard]] bool may_be_before_recording(const Observation& observation,
-                                             const std::optional<UtcTime>& stated) const;
+  /// By the monitor's clock, or as long as nobody knows it. By this machine's where messages state no time.
+  [[nodiscard]] bool may_be_before_recording(const std::optional<UtcTime>& measured) const;
 
   std::string source_;
   AssumedZone assumed_zone_;
@@ -104,11 +114,17 @@ class MonitorReader {
     std::int64_t newest_ns = 0;  // arrival of the last of them
   };
   std::optional<Apart> apart_;
-  bool is_live_ = false;     // the message being read has an `arrived`
-  UtcTime zero_of_clock_{};  // by the estimate, once there is a message_time_
+  bool is_live_ = false;       // the message being read has an `arrived`
+  UtcTime zero_of_clock_{};    // by the estimate, once there is a message_time_
+  UtcTime zero_of_machine_{};  // by this machine's clock; of a message with an `arrived`
+  std::int64_t begins_ns_ = 0;
   std::optional<std::int64_t> clock_stated_ns_;
   std::map<std::pair<std::string, std::string>, std::pair<UtcTime, std::optional<double>>> measured_;
   std::map<std::pair<std::string, std::string>, double> rates_;  // by code and sub-identifier
+  struct Stated {
+    std::int64_t first_ns = 0, last_ns = 0;  // arrival
+  };
+  std::map<UtcTime, Stated> orders_;  // by OBR-7
   std::set<std::string> noticed_;
 };
 

@@ -34,6 +34,8 @@ class VitalSource {
   virtual void interrupt() noexcept = 0;
   /// Told of each patient whom what it gives names. Before next() is first called.
   virtual void hear_patients(std::shared_ptr<PatientWatch> /*watch*/) {}
+  /// The case begins there, later than the recording did, which went ahead of it. From any thread.
+  virtual void case_begins(std::int64_t /*begins_ns*/) {}
   /// Whether it waits for what arrives, rather than stating its own times.
   [[nodiscard]] virtual bool is_live() const { return false; }
   /// Connections and messages that were refused because of who sent them. From any thread.

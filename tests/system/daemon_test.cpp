@@ -166,6 +166,32 @@ TEST_F(Daemon, DoctorTriesWhatAnIdleRoomWouldRecordAndTellsOfProcedureData) {
   EXPECT_EQ(health["hl7 of or-1"], "bad");
 }
 
+// A room that records ahead holds its sources, and says which are dead before a case begins.
+TEST_F(Daemon, ARoomThatRecordsAheadTellsOfDeadSources) {
+  std::string configuration = read_text(home() / "kiroku.toml");
+  constexpr std::string_view kCamera = "synthetic:endoscope?size=64x48&rate=10";
+  configuration.replace(configuration.find(kCamera), kCamera.size(), "/dev/video-of-nobody");
+  constexpr std::string_view kRoom = "name = \"or-1\"\n";
+  configuration.insert(configuration.find(kRoom) + kRoom.size(), "pre_roll = \"2s\"\n");
+  write_text(home() / "kiroku.toml", configuration);
+  Process daemon(kirokud());
+  ASSERT_TRUE(daemon.wait_for("recording for 1 room"));
+  EXPECT_TRUE(until([](const nlohmann::json& room) {
+    return room["state"] == "standby" && room["streams"][0]["age_ms"].get<int>() >= 3000 &&
+           room["streams"][1]["live"].get<bool>();
+  }));
+  EXPECT_THAT(kiroku_json({"status", "--json"})["rooms"][0]["problem"].get<std::string>(),
+              HasSubstr("video-of-nobody"));
+  EXPECT_THAT(kiroku({"status"}).out, testing::ContainsRegex("endoscope +SILENT"));
+  const ProcessResult doctor = kiroku({"doctor", "--json"});
+  EXPECT_EQ(doctor.status, 1);
+  std::map<std::string, std::string> health;
+  const nlohmann::json examined = nlohmann::json::parse(doctor.out);
+  for (const nlohmann::json& check : examined["checks"]) health[check["subject"]] = check["health"];
+  EXPECT_EQ(health["source or-1/endoscope"], "bad");
+  EXPECT_EQ(health["source or-1/vitals"], "good");
+}
+
 TEST_F(Daemon, RecordsAPlannedCaseThatCanBeComparedByItsMarks) {
   write_text(folder() / "cube.msh",
              "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n1 0 0 0\n2 10 0 0\n3 0 10 0\n4 10 10 0\n5 0 "

@@ -106,6 +106,7 @@ TEST_F(Monitors, AMessageOfEachKindStandsInTheCase) {
   EXPECT_EQ(by_kind["sample"][1]["quality"], "missing");
   EXPECT_EQ(by_kind["text"].at(0)["text"], "Alert");
   EXPECT_EQ(by_kind["alarm"].at(0)["code"], "MDC_EVT_HI");
+  for (const char* kind : {"text", "alarm"}) EXPECT_EQ(by_kind[kind][0]["quality"], "questionable") << kind;
   EXPECT_EQ(by_kind["message"].size(), 4U);
   EXPECT_TRUE(by_kind["message"].at(3).contains("base64"));
   // Its times are of another day, as those of a queue are: nobody can know its clock yet.

@@ -54,10 +54,10 @@ Response streams(const ViewerContext& context, const Request& request) {
 ordered_json series_json(const LiveVitalSeries& series) {
   const media::VitalCode* const known = media::find_vital_code(series.code);
   ordered_json out{
-      {"code", series.code},      {"label", known == nullptr ? series.code : std::string(known->label)},
-      {"unit", series.unit},      {"kind", series.is_wave ? "wave" : "numeric"},
-      {"stream", series.stream},  {"source", series.source},
-      {"time_ns", series.time_ns}};
+      {"code", series.code},       {"label", known == nullptr ? series.code : std::string(known->label)},
+      {"unit", series.unit},       {"kind", series.is_wave ? "wave" : "numeric"},
+      {"stream", series.stream},   {"source", series.source},
+      {"time_ns", series.time_ns}, {"questionable", series.is_questionable}};
   if (!series.is_wave) {
     out["value"] = or_null(series.value);
     return out;

@@ -45,9 +45,17 @@ std::string label_of(const playback::VitalSeries& series) {
 }
 
 ordered_json series_json(const std::string& stream, const playback::VitalSeries& series) {
-  ordered_json bins = ordered_json::array();
+  ordered_json bins = ordered_json::array(), questionable = ordered_json::array();
+  std::optional<std::int64_t> known_to_ns;  // of the last of them
   for (const playback::VitalBin& bin : series.bins) {
     bins.push_back({bin.start_ns, bin.end_ns, bin.min, bin.max, bin.last});
+    if (!bin.is_questionable) continue;
+    if (known_to_ns == bin.start_ns) {
+      questionable.back()[1] = bin.end_ns;
+    } else {
+      questionable.push_back({bin.start_ns, bin.end_ns});
+    }
+    known_to_ns = bin.end_ns;
   }
   return {{"code", series.code},
           {"label", label_of(series)},
@@ -56,7 +64,8 @@ ordered_json series_json(const std::string& stream, const playback::VitalSeries&
           {"stream", stream},
           {"source", series.source},
           {"every_ns", series.every_ns},
-          {"bins", std::move(bins)}};
+          {"bins", std::move(bins)},
+          {"questionable", std::move(questionable)}};
 }
 
 const char* kind_name(playback::TimelineToken::Kind kind) {
@@ -203,7 +212,8 @@ class PlaybackApi {
     if (bins < 1 || bins > kMostBins) throw Refusal(400, "'bins' must be from 1 to 20000");
     return answer(request, "watched vital signs", [&](CasePlayback& playback) {
       ordered_json series = ordered_json::array(), alarms = ordered_json::array(),
-                   texts = ordered_json::array(), unreadable = ordered_json::array();
+                   texts = ordered_json::array(), notices = ordered_json::array(),
+                   unreadable = ordered_json::array();
       for (const archive::StreamInfo& stream : playback.recording().opening().streams) {
         if (stream.kind != "vitals") continue;
         const playback::VitalsView view =
@@ -218,10 +228,20 @@ class PlaybackApi {
                             {"end_ns", alarm.end_ns},
                             {"text", alarm.text},
                             {"priority", alarm.priority},
-                            {"ended", alarm.ended}});
+                            {"ended", alarm.ended},
+                            {"questionable", alarm.is_questionable}});
         }
         for (const playback::TimedText& text : view.texts) {
-          texts.push_back({{"time_ns", text.time_ns}, {"code", text.code}, {"text", text.text}});
+          texts.push_back({{"time_ns", text.time_ns},
+                           {"code", text.code},
+                           {"text", text.text},
+                           {"questionable", text.is_questionable}});
+        }
+        for (const playback::TimedNotice& notice : view.notices) {
+          notices.push_back({{"time_ns", notice.time_ns},
+                             {"notice", notice.notice},
+                             {"text", notice.text},
+                             {"stream", stream.name}});
         }
         for (const playback::UnreadableStretch& stretch : view.unreadable) {
           unreadable.push_back({{"start_ns", stretch.span.start_ns},
@@ -232,6 +252,7 @@ class PlaybackApi {
       return Response::json({{"series", std::move(series)},
                              {"alarms", std::move(alarms)},
                              {"texts", std::move(texts)},
+                             {"notices", std::move(notices)},
                              {"unreadable", std::move(unreadable)}});
     });
   }
@@ -248,7 +269,8 @@ class PlaybackApi {
                             {"unit", series.unit},
                             {"kind", series.is_wave ? "wave" : "numeric"},
                             {"value", series.bins.front().last},
-                            {"time_ns", series.bins.front().last_ns}});
+                            {"time_ns", series.bins.front().last_ns},
+                            {"questionable", series.bins.front().is_questionable}});
         }
       }
       return Response::json({{"values", std::move(values)}});

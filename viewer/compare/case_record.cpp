@@ -28,9 +28,13 @@ void take_event(const nlohmann::json& event, std::vector<Mark>& marks) {
 
 void take_vital(const media::VitalLine& line, const std::string& stream, CaseRecord& record) {
   if (const auto* const sample = std::get_if<media::VitalSample>(&line)) {
-    const bool usable = sample->quality == media::VitalQuality::kGood ||
-                        sample->quality == media::VitalQuality::kQuestionable;
-    if (!sample->value || !usable || sample->code == media::kFlashCode) return;
+    if (!sample->value || sample->code == media::kFlashCode) return;
+    // A mean, or a limit that was passed, rests on what somebody stands for.
+    if (sample->quality != media::VitalQuality::kGood) {
+      ++(sample->quality == media::VitalQuality::kInvalid ? record.left_out.invalid
+                                                          : record.left_out.questionable);
+      return;
+    }
     std::string device = sample->source.empty() ? stream : sample->source;
     const auto known_series = record.vitals.find({sample->code, device});
     // A mean over 120 mmHg and 16 kPa would be none.
@@ -44,8 +48,12 @@ void take_vital(const media::VitalLine& line, const std::string& stream, CaseRec
     }
     series.numbers.push_back({sample->time_ns, *sample->value});
   } else if (const auto* const alarm = std::get_if<media::DeviceAlarm>(&line)) {
-    if (alarm->phase == "start")
+    if (alarm->phase != "start") return;
+    if (alarm->quality != media::VitalQuality::kGood) {
+      ++record.left_out.alarms;
+    } else {
       record.alarms.push_back({alarm->time_ns, alarm->about, alarm->text, alarm->priority});
+    }
   }
 }
 

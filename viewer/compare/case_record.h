@@ -15,7 +15,7 @@
 
 namespace kiroku::compare {
 
-/// A number of a monitor, of good or questionable quality.
+/// A number of a monitor, of good quality.
 struct VitalNumber {
   std::int64_t time_ns = 0;
   double value = 0;
@@ -43,10 +43,20 @@ struct AlarmStart {
   std::string text, priority;
 };
 
+/// What takes no part: what a device calls questionable or invalid, or the recorder, as where it may have
+/// been measured before the case, of an earlier patient.
+struct LeftOut {
+  std::uint64_t questionable = 0, invalid = 0;  // numbers
+  std::uint64_t alarms = 0;                     // that begin
+  [[nodiscard]] bool any() const { return questionable + invalid + alarms > 0; }
+  bool operator==(const LeftOut&) const = default;
+};
+
 struct CaseRecord {
   std::vector<Mark> marks;
   std::map<VitalKey, VitalSeries> vitals;  // waveforms are left out
   std::vector<AlarmStart> alarms;
+  LeftOut left_out;
 };
 
 /// Marks of all events streams and numbers of all streams of vital signs. kiroku::Error naming the segment

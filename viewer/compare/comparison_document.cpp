@@ -396,6 +396,9 @@ std::string comparison_json(const Comparison& comparison, const sim::Plan& plan,
   document["other_marks"] = marks_json(comparison.matching.unmatched);
   document["time_map"] = map_json(comparison.map);
   document["vital_window_ns"] = kVitalWindowNs;
+  const LeftOut& left_out = comparison.record.left_out;
+  document["vitals_left_out"] = {
+      {"questionable", left_out.questionable}, {"invalid", left_out.invalid}, {"alarms", left_out.alarms}};
   document["pressure_limits_mmhg"] = {{"systolic_low", comparison.limits.systolic_low},
                                       {"systolic_high", comparison.limits.systolic_high},
                                       {"mean_low", comparison.limits.mean_low}};

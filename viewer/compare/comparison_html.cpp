@@ -222,8 +222,16 @@ class Page {
   void vitals() {
     const bool any = std::ranges::any_of(comparison_.figures,
                                          [](const StepFigures& figures) { return !figures.vitals.empty(); });
-    if (!any) return;
+    const LeftOut& left_out = comparison_.record.left_out;
+    if (!any && !left_out.any()) return;
     head("Vital signs");
+    if (left_out.any()) {
+      add("<p>Left out here and below: " + std::to_string(left_out.questionable) + " questionable and " +
+          std::to_string(left_out.invalid) + " invalid values, and " + std::to_string(left_out.alarms) +
+          " alarms that are either. The monitor marks them so, or the recorder, as where they may have been "
+          "measured before the case, of an earlier patient.</p>\n");
+    }
+    if (!any) return;
     add("<p class=\"faint\">Means in the 30 s before each step, while it was done, and in the 30 s "
         "after.</p>\n<table>\n");
     constexpr const char* kNumbers = "llrrr";

@@ -83,11 +83,13 @@ void LiveMonitors::take(Stream& stream, const media::VitalSample& sample) {
   }
   series->time_ns = sample.time_ns;
   series->unit = sample.unit;
+  series->is_questionable = sample.quality == media::VitalQuality::kQuestionable;
   if (!sample.is_waveform()) {
     // A number that its device calls invalid is none.
     series->value = sample.quality == media::VitalQuality::kInvalid ? std::nullopt : sample.value;
     return;
   }
+  if (sample.quality == media::VitalQuality::kInvalid) return;
   series->blocks.push_back({sample.time_ns, sample.rate_hz, sample.values});
   std::erase_if(series->blocks, [&](const viewer::LiveWaveBlock& block) {
     return block.end_ns < sample.time_ns - kWaveKept_ns;
@@ -99,6 +101,8 @@ void LiveMonitors::take(Stream& stream, const media::DeviceAlarm& alarm) {
   const auto found = std::ranges::find(stream.alarm_keys, key);
   const auto place = found - stream.alarm_keys.begin();
   const bool lasts = alarm.phase != "end" && alarm.state != "inactive";
+  // It may be an earlier patient's.
+  if (lasts && alarm.quality != media::VitalQuality::kGood) return;
   if (!lasts) {
     if (found == stream.alarm_keys.end()) return;
     stream.alarms.erase(stream.alarms.begin() + place);

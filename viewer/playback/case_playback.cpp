@@ -170,7 +170,7 @@ CaseVitals& CasePlayback::vitals(const std::string& stream) {
     // What was erased since may not come back out of the cache.
     std::erase_if(segments, [&](const auto& segment) { return media_.recording().is_erased(segment); });
     require_readable(segments);
-    slot = std::make_unique<CaseVitals>(media_, *cache_, stream, name_of("vitals", stream, segments));
+    slot = std::make_unique<CaseVitals>(media_, *cache_, stream, name_of("vitals-2", stream, segments));
   }
   return *slot;
 }

@@ -92,22 +92,32 @@ void CaseVitals::take(media::VitalLine&& line) {
     pyramid_.add(*sample);
   } else if (auto* const alarm = std::get_if<media::DeviceAlarm>(&line)) {
     take(std::move(*alarm));
-  } else if (auto* const text = std::get_if<media::VitalText>(&line); text && texts_.size() < kMostRemarks) {
-    texts_.push_back({text->time_ns, std::move(text->code), std::move(text->text)});
+  } else if (auto* const text = std::get_if<media::VitalText>(&line)) {
+    if (texts_.size() == kMostRemarks || text->quality == media::VitalQuality::kInvalid) return;
+    texts_.push_back({text->time_ns, std::move(text->code), std::move(text->text),
+                      text->quality != media::VitalQuality::kGood});
+  } else if (auto* const notice = std::get_if<media::VitalNotice>(&line)) {
+    if (notices_.size() < kMostRemarks)
+      notices_.push_back({notice->time_ns, std::move(notice->notice), std::move(notice->text)});
   }
 }
 
 void CaseVitals::take(media::DeviceAlarm&& alarm) {
+  if (alarm.quality == media::VitalQuality::kInvalid) return;
   const std::tuple key{alarm.source, alarm.code, alarm.about, alarm.text};
   auto lasting = lasting_alarms_.find(key);
-  if (lasting != lasting_alarms_.end() && alarm.phase == "start") {
+  const bool is_questionable = alarm.quality != media::VitalQuality::kGood;
+  const bool is_another =
+      lasting != lasting_alarms_.end() &&
+      (alarm.phase == "start" || alarms_[lasting->second].is_questionable != is_questionable);
+  if (is_another) {
     lasting_alarms_.erase(lasting);  // its end was never said
     lasting = lasting_alarms_.end();
   }
   if (lasting == lasting_alarms_.end()) {
     if (alarms_.size() == kMostRemarks) return;
     lasting = lasting_alarms_.emplace(key, alarms_.size()).first;
-    alarms_.push_back({alarm.time_ns, alarm.time_ns, alarm.text, alarm.priority, false});
+    alarms_.push_back({alarm.time_ns, alarm.time_ns, alarm.text, alarm.priority, false, is_questionable});
   }
   AlarmSpan& span = alarms_[lasting->second];
   span.end_ns = alarm.time_ns;
@@ -166,6 +176,9 @@ VitalsView CaseVitals::view(std::int64_t from_ns, std::int64_t to_ns, std::size_
   for (const TimedText& text : texts_) {
     if (text.time_ns >= from_ns && text.time_ns < to_ns) view.texts.push_back(text);
   }
+  for (const TimedNotice& notice : notices_) {
+    if (notice.time_ns >= from_ns && notice.time_ns < to_ns) view.notices.push_back(notice);
+  }
   view.complete_to_ns = built_to_ns_;
   return view;
 }
@@ -199,12 +212,20 @@ Bytes CaseVitals::saved() const {
     saver.text(alarm.text);
     saver.text(alarm.priority);
     saver.number(alarm.ended);
+    saver.number(alarm.is_questionable);
   }
   saver.number(texts_.size());
   for (const TimedText& text : texts_) {
     saver.number(text.time_ns);
     saver.text(text.code);
     saver.text(text.text);
+    saver.number(text.is_questionable);
+  }
+  saver.number(notices_.size());
+  for (const TimedNotice& notice : notices_) {
+    saver.number(notice.time_ns);
+    saver.text(notice.notice);
+    saver.text(notice.text);
   }
   return saver.take();
 }
@@ -222,6 +243,7 @@ bool CaseVitals::restore() {
     alarm.text = restorer.text();
     alarm.priority = restorer.text();
     alarm.ended = restorer.number<bool>();
+    alarm.is_questionable = restorer.number<bool>();
   }
   std::vector<TimedText> texts;
   for (auto count = restorer.number<std::size_t>(); restorer.fits() && texts.size() < count;) {
@@ -229,11 +251,20 @@ bool CaseVitals::restore() {
     text.time_ns = restorer.number<std::int64_t>();
     text.code = restorer.text();
     text.text = restorer.text();
+    text.is_questionable = restorer.number<bool>();
+  }
+  std::vector<TimedNotice> notices;
+  for (auto count = restorer.number<std::size_t>(); restorer.fits() && notices.size() < count;) {
+    TimedNotice& notice = notices.emplace_back();
+    notice.time_ns = restorer.number<std::int64_t>();
+    notice.notice = restorer.text();
+    notice.text = restorer.text();
   }
   if (!pyramid || !restorer.whole()) return false;
   pyramid_ = std::move(*pyramid);
   alarms_ = std::move(alarms);
   texts_ = std::move(texts);
+  notices_ = std::move(notices);
   built_to_ns_ = INT64_MAX;
   return true;
 }

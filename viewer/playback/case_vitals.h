@@ -29,13 +29,21 @@ struct AlarmSpan {
   std::int64_t start_ns = 0, end_ns = 0;
   std::string text, priority;
   bool ended = false;
+  bool is_questionable = false;  // it may be an earlier patient's, or a test
   bool operator==(const AlarmSpan&) const = default;
 };
 /// A quantity in words.
 struct TimedText {
   std::int64_t time_ns = 0;
   std::string code, text;
+  bool is_questionable = false;  // likewise
   bool operator==(const TimedText&) const = default;
+};
+/// What the recorder says of a device's messages: what is not among the values, or not as it was sent.
+struct TimedNotice {
+  std::int64_t time_ns = 0;
+  std::string notice, text;
+  bool operator==(const TimedNotice&) const = default;
 };
 
 struct UnreadableStretch {
@@ -46,7 +54,8 @@ struct UnreadableStretch {
 struct VitalsView {
   std::vector<VitalSeries> series;  // in the order of their first values
   std::vector<AlarmSpan> alarms;    // that meet the span
-  std::vector<TimedText> texts;
+  std::vector<TimedText> texts;     // what is invalid is among neither
+  std::vector<TimedNotice> notices;
   /// Stretches that could not be read, and why in a sentence: what is said to be there is not shown.
   std::vector<UnreadableStretch> unreadable;
   /// Where the rest is not built yet, what is before this time is all there is; INT64_MAX else.
@@ -95,6 +104,7 @@ class CaseVitals {
   std::vector<AlarmSpan> alarms_;
   std::map<std::tuple<std::string, std::string, std::string, std::string>, std::size_t> lasting_alarms_;
   std::vector<TimedText> texts_;
+  std::vector<TimedNotice> notices_;
   std::int64_t built_to_ns_ = INT64_MIN;
   std::vector<UnreadableStretch> unreadable_;
   bool stopping_ = false;

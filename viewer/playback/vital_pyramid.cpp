@@ -53,6 +53,7 @@ void VitalPyramid::merge(std::vector<Kept>& level, std::int64_t width_ns, const 
   Kept& kept = *std::prev(at);
   kept.min = std::min(kept.min, more.min);
   kept.max = std::max(kept.max, more.max);
+  kept.questionable = std::max(kept.questionable, more.questionable);
   if (more.last_ns >= kept.last_ns) {
     kept.last_ns = more.last_ns;
     kept.last = more.last;
@@ -61,6 +62,9 @@ void VitalPyramid::merge(std::vector<Kept>& level, std::int64_t width_ns, const 
 
 void VitalPyramid::add(const media::VitalSample& sample, std::int64_t from_ns, std::int64_t to_ns) {
   if (!sample.is_waveform() && !sample.value) return;
+  // A number that its device calls invalid is none.
+  if (sample.quality == media::VitalQuality::kInvalid) return;
+  const std::uint64_t questionable = sample.quality == media::VitalQuality::kQuestionable ? 1 : 0;
   Series* const series = series_of(sample);
   if (series == nullptr) return;
   // Neighbours of one bin are put together before they go into the levels.
@@ -85,7 +89,7 @@ void VitalPyramid::add(const media::VitalSample& sample, std::int64_t from_ns, s
     if (run && (time_ns < run->last_ns || time_ns - run_start >= finest_ns_)) flush();
     if (!run) {
       run_start = bin_start(time_ns, finest_ns_);
-      run = Kept{time_ns, value, value, value};
+      run = Kept{time_ns, value, value, value, questionable};
       return;
     }
     run->last_ns = time_ns;
@@ -128,12 +132,14 @@ std::vector<VitalSeries> VitalPyramid::view(std::int64_t from_ns, std::int64_t t
       const std::int64_t start = bin_start(bin->last_ns, width_ns);
       if (start >= to_ns) break;
       if (view.bins.empty() || view.bins.back().start_ns != start) {
-        view.bins.push_back({start, start + width_ns, bin->min, bin->max, bin->last, bin->last_ns});
+        view.bins.push_back(
+            {start, start + width_ns, bin->min, bin->max, bin->last, bin->last_ns, bin->questionable != 0});
         continue;
       }
       VitalBin& wide = view.bins.back();
       wide.min = std::min(wide.min, bin->min);
       wide.max = std::max(wide.max, bin->max);
+      wide.is_questionable = wide.is_questionable || bin->questionable != 0;
       wide.last = bin->last;
       wide.last_ns = bin->last_ns;
     }
@@ -151,7 +157,8 @@ std::vector<VitalSeries> VitalPyramid::before(std::int64_t time_ns) const {
     const Kept& kept = *std::prev(after);
     const std::int64_t start = bin_start(kept.last_ns, finest_ns_);
     found.push_back(series.described);
-    found.back().bins = {{start, start + finest_ns_, kept.min, kept.max, kept.last, kept.last_ns}};
+    found.back().bins = {
+        {start, start + finest_ns_, kept.min, kept.max, kept.last, kept.last_ns, kept.questionable != 0}};
   }
   return found;
 }

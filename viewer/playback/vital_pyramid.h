@@ -1,5 +1,5 @@
 // Vital signs of a whole case at any zoom: least, greatest and last value of every stretch of time, at six
-// widths. Memory: 43 bytes for each quarter of a second in which a quantity was measured. An object belongs
+// widths. Memory: 54 bytes for each quarter of a second in which a quantity was measured. An object belongs
 // to one thread.
 #pragma once
 
@@ -23,11 +23,13 @@ struct VitalBin {
   double min = 0, max = 0;
   double last = 0;
   std::int64_t last_ns = 0;
+  /// Whether any of it is questionable: not the device's, or the recorder's, good value.
+  bool is_questionable = false;
   bool operator==(const VitalBin&) const = default;
 };
 
-/// One quantity of one device. Values that a device reported, whatever their quality; what it reported as
-/// missing is no value.
+/// One quantity of one device. Values that a device reported, good or questionable; what it reported as
+/// missing is no value, nor is what is invalid.
 struct VitalSeries {
   std::string code, unit, source;  // as in media::VitalSample
   bool is_wave = false;
@@ -80,6 +82,7 @@ class VitalPyramid {
   struct Kept {
     std::int64_t last_ns = 0;
     double min = 0, max = 0, last = 0;
+    std::uint64_t questionable = 0;  // 0 or 1: a list of these is kept as it lies in memory
   };
   struct Series {
     VitalSeries described;  // without bins

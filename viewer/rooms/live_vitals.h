@@ -27,6 +27,9 @@ struct LiveVitalSeries {
   std::optional<double> value;
   /// Of a wave: those that end after what was asked, oldest first.
   std::vector<LiveWaveBlock> blocks;
+  /// The newest number, or block, may be none of this patient's, or is a test: its device or the recorder
+  /// says so.
+  bool is_questionable = false;
 };
 
 /// One that its device has not ended, in its own words.

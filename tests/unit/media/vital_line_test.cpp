@@ -28,6 +28,10 @@ std::vector<Example> examples() {
        R"({"time_ns":2,"kind":"text","device_time":"2026-08-05T12:00:00.000000Z","code":"2267^COMEN_ACVPU^99COMEN","text":"Alert","source":"bed 4"})"},
       {VitalText{2, {}, "MDC_MODE", 65536, "", ""},
        R"({"time_ns":2,"kind":"text","code":"MDC_MODE","mdc":65536,"text":"","source":""})"},
+      {VitalText{2, {}, "MDC_MODE", 0, "VF", "m", VitalQuality::kInvalid},
+       R"({"time_ns":2,"kind":"text","code":"MDC_MODE","text":"VF","source":"m","quality":"invalid"})"},
+      {DeviceAlarm{3, {}, "MDC_EVT_LO", 0, "", "", "", "", "", "m", VitalQuality::kQuestionable},
+       R"({"time_ns":3,"kind":"alarm","code":"MDC_EVT_LO","text":"","about":"","phase":"","state":"","priority":"","source":"m","quality":"questionable"})"},
       {DeviceAlarm{3, {}, "MDC_EVT_HI", 196670, "high", "MDC_PULS_RATE", "start", "active", "PH", "m"},
        R"({"time_ns":3,"kind":"alarm","code":"MDC_EVT_HI","mdc":196670,"text":"high","about":"MDC_PULS_RATE","phase":"start","state":"active","priority":"PH","source":"m"})"},
       {DeviceMessage{4, "MSH|^~\\&|\r", "AA", "m"},
@@ -38,6 +42,18 @@ std::vector<Example> examples() {
        R"({"time_ns":5,"kind":"device-clock","zero":"2026-08-05T12:00:00.000000Z","spread_ns":12,"messages":3,"source":"m"})"},
       {VitalNotice{6, "segment-unknown", "ZDP", "m"},
        R"({"time_ns":6,"kind":"notice","notice":"segment-unknown","text":"ZDP","source":"m"})"}};
+}
+
+TEST(VitalLine, WordsAndAlarmsAreOfNoOtherQuality) {
+  for (const char* quality : {"good", "missing", "so-so"}) {
+    EXPECT_THAT(parse_vital_line_of_any_kind(
+                    R"({"time_ns":2,"kind":"text","code":"A","text":"","source":"","quality":")" +
+                    std::string(quality) + "\"}")
+                    .problem,
+                testing::HasSubstr("quality is none of questionable, invalid"))
+        << quality;
+  }
+  EXPECT_THROW(to_json_line(VitalLine(VitalText{1, {}, "A", 0, "x", "", VitalQuality::kMissing})), Error);
 }
 
 TEST(VitalLine, HasOneFormOfEachKindAndReadsItBack) {

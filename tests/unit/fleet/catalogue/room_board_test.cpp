@@ -89,6 +89,14 @@ TEST(RoomBoard, EachTroubleIsTold) {
   EXPECT_THAT(of([](R& r) { r.recorder->rooms[0].lost = 1; }), ElementsAre(Concern::kLost));
   EXPECT_THAT(of([](R& r) { r.recorder->disk->hours_left = 7.9; }), ElementsAre(Concern::kDiskShort));
   EXPECT_THAT(of([](R& r) { r.recorder->disk.reset(); }), ElementsAre(Concern::kDiskUnknown));
+  const auto unknown_hours = [&](std::uint64_t free_bytes) {
+    return of([&](R& r) {
+      r.recorder->disk->hours_left.reset();
+      r.recorder->disk->free_bytes = free_bytes;
+    });
+  };
+  EXPECT_THAT(unknown_hours(500'000'000), ElementsAre(Concern::kDiskShort));
+  EXPECT_THAT(unknown_hours(4'000'000'000'000), IsEmpty());
   EXPECT_THAT(of([](R& r) { r.recorder->clock.synchronised = false; }), ElementsAre(Concern::kClockFree));
   EXPECT_THAT(of([](R& r) {
                 r.recorder->authorities = {{"a", 3}, {"b", 1}};

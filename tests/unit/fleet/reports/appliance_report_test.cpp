@@ -1,5 +1,7 @@
 #include "fleet/reports/appliance_report.h"
 
+#include <map>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -52,6 +54,14 @@ TEST(ApplianceReportTest, IsMadeOfWhatTheRecorderSays) {
   EXPECT_TRUE(room.has_problem);
   ASSERT_EQ(recorder.authorities.size(), 1U);
   EXPECT_EQ(recorder.authorities.front().token_s, 60);
+}
+
+TEST(ApplianceReportTest, TellsOfASilentSourceOfARoomThatRecordsAhead) {
+  json other = status();
+  for (const auto& [state, silent] : std::map<std::string, std::size_t>{{"standby", 1}, {"idle", 0}}) {
+    other["rooms"][0]["state"] = state;
+    EXPECT_EQ(recorder_report(other, kNow).rooms.front().silent.size(), silent) << state;
+  }
 }
 
 TEST(ApplianceReportTest, ADiskThatCannotBeLookedAtIsToldAsUnknownAndNotAsFull) {

@@ -16,13 +16,16 @@ using testing::IsEmpty;
 
 class KnownProcedure : public ProcedureSource {
  public:
-  [[nodiscard]] std::optional<ProcedureData> find(UtcTime at) const override {
+  [[nodiscard]] ProcedureChoice choose(UtcTime at) const override {
     ++asked;
     if (fails) throw Error("the worklist's answer is cut off");
-    return book ? book->find({{}, 12h}, at) : known;
+    if (book) return book->choose({{}, 12h}, at);
+    return {known, known ? Doubt::kNone : doubts, is_by_plan};
+  }
+  [[nodiscard]] Objection objection(const ProcedureChoice& /*taken*/, UtcTime /*at*/) const override {
+    return against;
   }
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime) const override { return {}; }
-  [[nodiscard]] Doubt doubt(UtcTime) const override { return doubts; }
   void hurry() override { ++hurried; }
   void ended(const ProcedureData& data, UtcTime) override { ended_of.push_back(data.patient_id); }
   [[nodiscard]] std::vector<ProcedureWay> ways() const override {
@@ -31,8 +34,9 @@ class KnownProcedure : public ProcedureSource {
 
   std::optional<ProcedureData> known;
   std::optional<ProcedureBook> book;  // in its place
-  bool fails = false;
+  bool fails = false, is_by_plan = false;
   Doubt doubts = Doubt::kNone;
+  Objection against = Objection::kNone;
   std::vector<std::string> ended_of;
   mutable int asked = 0;
   int hurried = 0;
@@ -137,8 +141,31 @@ TEST_F(CaseSubjectTest, TellsOfAnotherPatientWhoIsNamedMeanwhile) {
   EXPECT_EQ(subject.contradicted(Clock::Time(60s)), std::nullopt);
 }
 
+TEST_F(CaseSubjectTest, TellsEachObjectionOnceUntilThePatientHasLeft) {
+  source->known = somebody();
+  subject.at_beginning({}, {}, GoesOn::kNo);
+  Clock::Time now{};
+  const auto told_now = [&](Objection against) {
+    source->against = against;
+    now += 10s;
+    return subject.contradicted(now).value_or("");
+  };
+  EXPECT_EQ(told_now(Objection::kNone), "");
+  EXPECT_THAT(told_now(Objection::kTakenBack), HasSubstr("take back"));
+  EXPECT_EQ(told_now(Objection::kTakenBack), "") << "once";
+  EXPECT_THAT(told_now(Objection::kSeveralThere), HasSubstr("placed another patient in this room, too"));
+  EXPECT_EQ(told_now(Objection::kOver), "");
+  EXPECT_EQ(told_now(Objection::kOtherIdentity), "") << "what is corrected of whoever has left";
+  EXPECT_THAT(told_now(Objection::kAnotherThere), HasSubstr("another patient for this room"));
+  subject.at_beginning({}, {}, GoesOn::kNo);
+  EXPECT_THAT(told_now(Objection::kOtherIdentity), HasSubstr("another number, name or day of birth"));
+  subject.given_while_running(to_bytes(R"({"patient":{"id":"13"}})"));
+  EXPECT_EQ(told_now(Objection::kTakenBack), "") << "whom a person gave stands against whatever messages say";
+}
+
 // A worklist drops a step that has begun.
 TEST_F(CaseSubjectTest, WhoIsPlannedForLaterIsNoOther) {
+  source->is_by_plan = true;
   source->known = somebody();
   source->known->planned = "2026-08-05T08:00:00+02:00";
   subject.at_beginning({}, {}, GoesOn::kNo);
@@ -147,6 +174,13 @@ TEST_F(CaseSubjectTest, WhoIsPlannedForLaterIsNoOther) {
   EXPECT_EQ(subject.contradicted(Clock::Time(10s)), std::nullopt);
   source->known->planned = "2026-08-05T07:40:00+02:00";
   EXPECT_TRUE(subject.contradicted(Clock::Time(20s)));
+  source->known = somebody();
+  source->known->planned = "2026-08-05T08:00:00+02:00";
+  subject.at_beginning({}, {}, GoesOn::kNo);
+  source->known->patient_id = "12";
+  source->known->planned = "2026-08-05T08:40:00+02:00";
+  source->is_by_plan = false;
+  EXPECT_TRUE(subject.contradicted(Clock::Time(30s))) << "an event brought them";
 }
 
 // Around now is the next patient, as soon as they are booked.

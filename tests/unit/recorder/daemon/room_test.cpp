@@ -412,6 +412,7 @@ TEST_F(RoomTest, ACaseBeginsWithWhatWasRecordedBefore) {
   Room room(std::move(ahead), listener());
   ASSERT_TRUE(test::eventually([&] { return room.status().session.now_ns > 3'000'000'000; }));
   EXPECT_EQ(room.status().state, RoomState::kStandby);
+  EXPECT_THAT(room.status().problem, HasSubstr("camera-1")) << "before a case begins without it";
   EXPECT_THROW(room.mark("too early"), UsageError);
   EXPECT_THROW(room.stop("operator", true), UsageError);
   EXPECT_EQ(bench.cases(), 0U);
@@ -493,10 +494,10 @@ class StatedProcedure : public ProcedureSource {
     data_ = ProcedureData{};
     data_->patient_id = patient;
   }
-  [[nodiscard]] std::optional<ProcedureData> find(UtcTime /*at*/) const override {
+  [[nodiscard]] ProcedureChoice choose(UtcTime /*at*/) const override {
     if (broken) throw Error("it broke");
     const std::lock_guard guard(mutex_);
-    return data_;
+    return {data_};
   }
   [[nodiscard]] std::vector<ProcedureData> list(UtcTime /*at*/) const override {
     const std::lock_guard guard(mutex_);
@@ -1185,14 +1186,22 @@ TEST_F(GoingOn, WhomAnEarlierProcessRecordedIsNotedAsCutOffAndAsEndedWithWhatGoe
 
 TEST_F(GoingOn, AnotherPatientWhoIsNamedWhileACaseRunsIsTold) {
   procedure->state("4711");
-  RoomPlan watched = plan({kCamera});
+  RoomPlan watched = plan({kCamera, kAbsentCamera});
   watched.procedure = procedure;
   Room room(std::move(watched), listener(), time);
   const std::string id = room.start("operator");
   ASSERT_EQ(room.status().subject, SubjectState::kFound);
+  expect_told(room, "camera-1");
   procedure->state("next");
   time.move(11s);
   expect_told(room, "name another patient for this room now");
+  for (int looks = 0; looks < 3; ++looks) {
+    time.move(1s);
+    const Clock::Time moved = time.now();
+    ASSERT_TRUE(test::eventually([&] { return room.heartbeat() >= moved; }));
+  }
+  EXPECT_THAT(room.status().problem, HasSubstr("another patient"))
+      << "no problem of before comes back over it";
   room.stop("operator", true);
   std::string events;
   for (const std::string& line : read(id).lines("events")) events += line;

@@ -300,10 +300,15 @@ TEST(ProcedureBook, BytesOfTheVersionsBeforeAreRead) {
   // gave a number, a flag, and an empty list of ways.
   constexpr std::size_t kBehind = 5 * kCount + kChanges + 3 * kCount, kWays = 4 * kCount + 1 + kCount;
   // At the end stand claims, of the patient, who is as long as above, and of no appointment. Of the patient
-  // stand there an empty list of a kept bed, and no account.
+  // stand there an empty list of a kept bed, no account, and a flag.
   constexpr std::size_t kBed = 2 * kCount, kPatients = kCount;
   const std::size_t one = (bytes.size() - 3 * kCount - kPatients - (kBehind - kCount) - 2 * kCount) / 2;
-  bytes.resize(bytes.size() - one - 2 * kCount);
+  const auto claim = static_cast<std::ptrdiff_t>(one + 2 * kCount);
+  bytes.erase(bytes.end() - kCount - 1, bytes.end() - kCount);
+  bytes.erase(bytes.end() - claim - kBehind, bytes.end() - claim + 1 - kBehind);
+  bytes.at(0) = std::byte{9};
+  EXPECT_EQ(found(ProcedureBook::imported(bytes), kMorning), "1 ");
+  bytes.resize(bytes.size() - one - 2 * kCount + 1);
   bytes.erase(bytes.end() - kBehind - kBed, bytes.end() - kBehind);
   bytes.at(0) = std::byte{8};
   EXPECT_EQ(found(ProcedureBook::imported(bytes), kMorning), "1 ");
@@ -2226,6 +2231,104 @@ class ProcedureDay : public testing::Test {
  private:
   int number_ = 0;
 };
+
+// A case runs since five minutes after seven about whom messages named.
+TEST_F(ProcedureDay, WhatContradictsARunningCaseIsAnObjection) {
+  const ProcedureMoment begun = kMorning + 5min;
+  const auto begin = [&] { return book.choose({{"OR1"}, 12h}, begun); };
+  const auto against = [&](const ProcedureChoice& choice) {
+    EXPECT_EQ(choice.data.value_or(ProcedureData()).patient_id, "P1");
+    return book.objection({{"OR1"}, 12h}, choice, begun);
+  };
+  // By plan alone.
+  plan_both();
+  ProcedureChoice choice = begin();
+  EXPECT_EQ(against(choice), Objection::kNone);
+  adt(10, "A02", "P2", "SURG^OR1");
+  EXPECT_EQ(against(choice), Objection::kAnotherThere) << "though planned for later";
+  start_anew();
+  plan_both();
+  siu(10, "S15", "A", "P1", time(0), kRoom, "Cancelled");
+  EXPECT_EQ(against(choice), Objection::kTakenBack);
+  for (const char* event : {"S12", "S14"}) {
+    start_anew();
+    plan_both();
+    siu(10, event, "A", "P3", time(50), kRoom);
+    EXPECT_EQ(against(choice), Objection::kTakenBack) << event << ": the slot is somebody else's";
+  }
+  start_anew();
+  plan_both();
+  siu(10, "S13", "A", "P1", time(300), kRoom);
+  EXPECT_EQ(against(choice), Objection::kTakenBack) << "put off";
+  start_anew();
+  plan_both();
+  adt(8, "A02", "P1", "SURG^OR1", "", "WARD^1");
+  EXPECT_EQ(against(choice), Objection::kNone) << "they came";
+  adt(10, "A12", "P1", "WARD^1", "", "SURG^OR1");
+  EXPECT_EQ(against(choice), Objection::kTakenBack) << "they never came";
+  // By an event.
+  const auto brought = [&] {
+    start_anew();
+    bring();
+    choice = begin();
+    EXPECT_EQ(against(choice), Objection::kNone);
+  };
+  brought();
+  adt(10, "A12", "P1", "ER^1", "", "SURG^OR1");
+  EXPECT_EQ(against(choice), Objection::kTakenBack);
+  brought();
+  adt(10, "A11", "P1", "SURG^OR1");
+  EXPECT_EQ(against(choice), Objection::kTakenBack);
+  brought();
+  adt(10, "A02", "P3", "SURG^OR1");
+  EXPECT_EQ(against(choice), Objection::kSeveralThere);
+  brought();
+  take(10, "ADT^A08", "PID|1||P1^^^H^MR||Other^Olaf||19600101\rPV1|1|I|SURG^OR1\r");
+  EXPECT_EQ(against(choice), Objection::kOtherIdentity);
+  brought();
+  take(10, "ADT^A40", pid("P9") + "MRG|P1^^^H^MR\r");
+  EXPECT_EQ(against(choice), Objection::kOtherIdentity);
+  // Nobody left it between: they were there before, were brought again by mistake, and that is taken back.
+  start_anew();
+  adt(-200, "A02", "P1", "SURG^OR1");
+  adt(-100, "A02", "P1", "PACU^1");
+  adt(-10, "A02", "P1", "SURG^OR1");
+  choice = begin();
+  adt(10, "A12", "P1", "PACU^1", "", "SURG^OR1");
+  EXPECT_EQ(against(choice), Objection::kTakenBack);
+}
+
+TEST_F(ProcedureDay, WhatAnOrdinaryOperationBringsIsNoObjection) {
+  const ProcedureMoment begun = kMorning + 5min;
+  const auto against = [&](const ProcedureChoice& choice) {
+    EXPECT_EQ(choice.data.value_or(ProcedureData()).patient_id, "P1");
+    return book.objection({{"OR1"}, 12h}, choice, begun);
+  };
+  plan_both();
+  const ProcedureChoice by_plan = book.choose({{"OR1"}, 12h}, begun);
+  siu(6, "S14", "A", "P1", time(20), kRoom);
+  EXPECT_EQ(against(by_plan), Objection::kNone) << "a little later";
+  adt(7, "A04", "P2", "SURG^OR1");
+  EXPECT_EQ(against(by_plan), Objection::kNone) << "the next one is registered";
+  adt(8, "A02", "P1", "SURG^OR1", "", "WARD^1");
+  take(9, "ADT^A08", "PID|1||P1^^^H^MR||NP1^X Y||19600101\rPV1|1|I|WARD^1\r");
+  adt(9, "A08", "P3", "WARD^2");
+  EXPECT_EQ(against(by_plan), Objection::kNone);
+  siu(40, "S14", "A", "P1", time(0), kRoom, "Complete");
+  EXPECT_EQ(against(by_plan), Objection::kOver);
+  siu(41, "S17", "A", "P1", time(0), kRoom);
+  for (const char* const leaves : {"A02", "A03", "A09"}) {
+    start_anew();
+    bring();
+    const ProcedureChoice by_event = book.choose({{"OR1"}, 12h}, begun);
+    siu(30, "S12", "C", "P4", time(120), kRoom);
+    EXPECT_EQ(against(by_event), Objection::kNone);
+    adt(60, leaves, "P1", std::string(leaves) == "A02" ? "PACU^1" : "SURG^OR1");
+    EXPECT_EQ(against(by_event), Objection::kOver) << leaves;
+    adt(70, "A02", "P2", "SURG^OR1");
+    EXPECT_EQ(against(by_event), Objection::kAnotherThere) << "and the case runs still";
+  }
+}
 
 TEST_F(ProcedureDay, AChangeOfAnotherResourceLeavesTheRoom) {
   struct Change {

@@ -209,6 +209,68 @@ TEST_F(MonitorReaderTest, WhatWasMeasuredBeforeTheRecordingIsQuestionable) {
   EXPECT_THAT(told_, Contains(HasSubstr("measured-earlier: OBX 1 (MDC_ECG_HEART_RATE)")));
 }
 
+// Alarms and words of an earlier patient's queue, before any value and behind one.
+TEST_F(MonitorReaderTest, AlarmsAndTextsOfAQueueAreQuestionableToo) {
+  const auto qualities_at = [this](double seconds, const std::string& sent, const std::string& measured) {
+    const auto since_ns = static_cast<std::int64_t>(seconds * 1e9);
+    arrived_ = *parse_utc("2026-01-01T12:00:00Z") + std::chrono::microseconds(since_ns / 1000);
+    const auto texts = read("OBX|1|ST|9999^RHYTHM^L|1|VF||||||F|||" + measured, since_ns, sent);
+    const auto alarms = read("OBX|1|CWE|196616^MDC_EVT_ALARM^MDC|1.1.1.1.1|^ASYSTOLE||||||F|||" + measured +
+                                 "\rOBX|2|ST|68481^MDC_ATTR_EVENT_PHASE^MDC|1.1.1.1.2|start||||||F",
+                             since_ns, sent, "ORU^R40");
+    for (const auto& lines : {texts, alarms}) {
+      for (const std::string& each : notices(lines)) told_.push_back(each);
+    }
+    EXPECT_THAT(of<VitalText>(texts), SizeIs(1));
+    EXPECT_THAT(of<DeviceAlarm>(alarms), SizeIs(1));
+    return std::pair(of<VitalText>(texts).at(0).quality, of<DeviceAlarm>(alarms).at(0).quality);
+  };
+  const std::pair questionable(VitalQuality::kQuestionable, VitalQuality::kQuestionable);
+  EXPECT_EQ(qualities_at(0, "20260101112000", "20260101112000"), questionable);
+  EXPECT_THAT(told_, Contains(HasSubstr("measured-before: messages state")));
+  EXPECT_EQ(qualities_at(1, "20260101120001", "20260101120001"),
+            std::pair(VitalQuality::kGood, VitalQuality::kGood));
+  told_.clear();
+  EXPECT_EQ(qualities_at(2, "20260101120002", "20260101112100"), questionable);
+  EXPECT_THAT(told_, ElementsAre(HasSubstr("measured-before: OBX 1 (RHYTHM)"),
+                                 HasSubstr("measured-before: OBX 1 (MDC_EVT_ALARM)")));
+}
+
+// A gateway stamps the message as it sends it, and the order says when it was measured.
+TEST_F(MonitorReaderTest, AnOldOrderThatIsSentNowIsQuestionable) {
+  std::int64_t since_ns = 10'000'000'000;
+  const auto of_order = [&](const std::string& sent, const std::string& begun,
+                            const std::string& measured = "") {
+    arrived_ = *parse_utc("2026-01-01T12:00:00Z") + std::chrono::microseconds(since_ns / 1000);
+    const auto samples = of<VitalSample>(read(
+        "OBR|1|||1^X|||" + begun + "\rOBX|1|NM|147842^MDC_ECG_HEART_RATE^MDC|1|31|/min|||||F|||" + measured,
+        since_ns, sent));
+    return samples.empty() ? VitalQuality::kMissing : samples.front().quality;
+  };
+  EXPECT_EQ(of_order("", "20260101112000"), VitalQuality::kQuestionable) << "without MSH-7";
+  EXPECT_EQ(of_order("20260101", "20260101112000", "20260101112000"), VitalQuality::kQuestionable);
+  EXPECT_EQ(of_order("", "20260101120009"), VitalQuality::kGood);
+  EXPECT_EQ(of_order("20260101120010", "20260101112000"), VitalQuality::kQuestionable);
+  EXPECT_EQ(of_order("20260101120010", "20260101112000", "20260101120009"), VitalQuality::kGood)
+      << "its value is of now";
+  since_ns += MonitorReader::kOrderGoesOnNs;
+  EXPECT_EQ(of_order("20260101120110", "20260101112000"), VitalQuality::kGood) << "an order that goes on";
+  EXPECT_EQ(of_order("20260101120110", "20260101112500"), VitalQuality::kQuestionable) << "another one";
+  EXPECT_EQ(of_order("20260101120110", "20260101112000", "20260101112000"), VitalQuality::kQuestionable);
+}
+
+// What goes ahead of a case may be another patient's, too.
+TEST_F(MonitorReaderTest, WhatWasMeasuredAheadOfTheCaseIsBeforeIt) {
+  EXPECT_EQ(quality_at(600, "20260101121000", "20260101120300"), VitalQuality::kGood);
+  EXPECT_EQ(quality_at(601, "20260101121001", "20260101115000"), VitalQuality::kQuestionable);
+  told_.clear();
+  reader_.case_begins(590'000'000'000);
+  EXPECT_EQ(quality_at(602, "20260101121002", "20260101120300"), VitalQuality::kQuestionable);
+  EXPECT_THAT(told_, Contains(HasSubstr("measured-before")))
+      << "what was told ahead of the case may not be in it";
+  EXPECT_EQ(quality_at(603, "20260101121003", "20260101120900"), VitalQuality::kGood);
+}
+
 // Its times are of another day than this machine's.
 TEST_F(MonitorReaderTest, OfAFileNothingIsBeforeTheRecording) {
   EXPECT_EQ(sample("OBX|1|NM|1^MDC_X^MDC|1|5|||||R|||20251231120000").quality, VitalQuality::kGood);

@@ -171,6 +171,7 @@ TEST_F(PlaybackApiTest, VitalSignsAndTheTimeLineAreJson) {
   for (const json& series : vitals["series"]) {
     EXPECT_THAT(series["bins"], Not(IsEmpty())) << series["code"];
     EXPECT_THAT(series["bins"][0], SizeIs(5));
+    EXPECT_THAT(series["questionable"], IsEmpty()) << series["code"];
     EXPECT_FALSE(series["label"].get<std::string>().empty());
   }
   EXPECT_THAT(vitals["alarms"], IsEmpty());

@@ -140,6 +140,10 @@ TEST(CaseRecord, IsWhatTheCaseHoldsOfMarksNumbersAndAlarms) {
   add(sample);
   sample.quality = media::VitalQuality::kInvalid;
   add(sample);
+  sample.quality = media::VitalQuality::kQuestionable;
+  sample.value = 18;
+  add(sample);
+  add(sample);
   media::VitalSample wave = sample;
   wave.value.reset();
   wave.quality = media::VitalQuality::kGood;
@@ -153,12 +157,15 @@ TEST(CaseRecord, IsWhatTheCaseHoldsOfMarksNumbersAndAlarms) {
   alarm.text = "ABP low";
   alarm.phase = "start";
   add(alarm);
+  alarm.quality = media::VitalQuality::kQuestionable;
+  alarm.text = "of an earlier patient";
+  add(alarm);
   alarm.phase = "end";
   add(alarm);
   const auto recording = archive::CaseReader::open(
       test::record_case(folder / "archive",
                         {{"events", "events", "application/jsonl", {to_bytes(events)}, {2}},
-                         {"vitals", "vitals", "application/jsonl", {to_bytes(vitals)}, {5}}},
+                         {"vitals", "vitals", "application/jsonl", {to_bytes(vitals)}, {8}}},
                         reader.recipients));
   const CaseRecord record = read_case_record(recording, reader.identities);
   EXPECT_THAT(record.marks, ElementsAre(Mark{1'500'000'000, "clip \"a\""}));
@@ -172,6 +179,7 @@ TEST(CaseRecord, IsWhatTheCaseHoldsOfMarksNumbersAndAlarms) {
       << "who does not say is its stream";
   ASSERT_EQ(record.alarms.size(), 1U);
   EXPECT_EQ(record.alarms[0].text, "ABP low");
+  EXPECT_EQ(record.left_out, (LeftOut{2, 1, 1})) << "neither means nor limits rest on these";
 }
 
 }  // namespace

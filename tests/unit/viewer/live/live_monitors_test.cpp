@@ -63,6 +63,9 @@ TEST_F(LiveMonitorsTest, ShowTheNewestNumber) {
   EXPECT_EQ(now().series[0].value, std::nullopt);
   number(4 * kSecond, 250, media::VitalQuality::kInvalid);
   EXPECT_EQ(now().series[0].value, std::nullopt) << "what its device calls invalid is no number";
+  EXPECT_FALSE(now().series[0].is_questionable);
+  number(5 * kSecond, 18, media::VitalQuality::kQuestionable);
+  EXPECT_TRUE(now().series[0].is_questionable);
 }
 
 TEST_F(LiveMonitorsTest, GiveOfAWaveWhatIsNewAndKeepTenSeconds) {
@@ -84,6 +87,19 @@ TEST_F(LiveMonitorsTest, ShowAlarmsUntilTheyEnd) {
   ASSERT_THAT(now().alarms, SizeIs(1));
   EXPECT_EQ(now().alarms[0].text, "Asystole");
   alarm(5 * kSecond, "end", "never began");
+  EXPECT_THAT(now().alarms, SizeIs(1));
+}
+
+// What a queue brings of an earlier patient is told by no alarm of now.
+TEST_F(LiveMonitorsTest, AnAlarmThatMayBeAnEarlierPatientsIsNotOpened) {
+  media::DeviceAlarm earlier;
+  earlier.time_ns = kSecond;
+  earlier.text = "Asystole";
+  earlier.phase = "start";
+  earlier.quality = media::VitalQuality::kQuestionable;
+  tap_->offer(earlier);
+  EXPECT_THAT(now().alarms, IsEmpty());
+  alarm(2 * kSecond, "continue");
   EXPECT_THAT(now().alarms, SizeIs(1));
 }
 

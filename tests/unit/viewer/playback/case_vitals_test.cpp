@@ -128,6 +128,34 @@ TEST_F(CaseVitalsTest, AlarmsLastFromTheirStartToTheirEnd) {
   EXPECT_THAT(vitals.view(2 * kSecond, 3 * kSecond, 10, kPatienceMs).alarms, SizeIs(1));
 }
 
+TEST_F(CaseVitalsTest, SaysWhatMayBeAnEarlierPatientsAndWhatTheRecorderSays) {
+  media::DeviceAlarm earlier = alarm(100'000'000, "start");
+  earlier.quality = media::VitalQuality::kQuestionable;
+  media::DeviceAlarm invalid = alarm(150'000'000, "start");
+  invalid.text = "none";
+  invalid.quality = media::VitalQuality::kInvalid;
+  media::VitalText words;
+  words.time_ns = 200'000'000;
+  words.code = "RHYTHM";
+  words.text = "VF";
+  words.quality = media::VitalQuality::kQuestionable;
+  media::VitalNotice notice;
+  notice.time_ns = 200'000'000;
+  notice.notice = "measured-before";
+  notice.text = "they may be of an earlier patient";
+  const auto recorded = record({{earlier, invalid, words, notice, alarm(400'000'000, "continue")}});
+  for (int opened = 0; opened < 2; ++opened) {  // the second time from the cache
+    const VitalsView view = open(recorded).vitals("vitals").view(0, kSecond, 2, kPatienceMs);
+    EXPECT_THAT(view.alarms,
+                ElementsAre(AlarmSpan{100'000'000, 100'000'000, "SpO2 low", "PH", false, true},
+                            AlarmSpan{400'000'000, 400'000'000, "SpO2 low", "PH", false, false}));
+    EXPECT_THAT(view.texts, ElementsAre(TimedText{200'000'000, "RHYTHM", "VF", true}));
+    EXPECT_THAT(view.notices, ElementsAre(TimedNotice{200'000'000, "measured-before",
+                                                      "they may be of an earlier patient"}));
+    playback_.reset();
+  }
+}
+
 TEST_F(CaseVitalsTest, WhatATamperedSegmentHeldIsLeftOutAndSaidSo) {
   const auto recorded =
       record({{heart_rate(0, 60)}, {heart_rate(kSecond, 61)}, {heart_rate(2 * kSecond, 62)}});

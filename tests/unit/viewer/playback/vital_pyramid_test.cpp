@@ -130,6 +130,35 @@ TEST(VitalPyramid, WhatWasMissingIsNoValue) {
   EXPECT_THAT(pyramid.view(0, 10, VitalPyramid::kBaseNs), IsEmpty());
 }
 
+TEST(VitalPyramid, SaysWhatIsQuestionableAndShowsNothingInvalid) {
+  VitalPyramid pyramid;
+  const auto add = [&](std::int64_t second, double value, media::VitalQuality quality) {
+    VitalSample sample = number(second * 1'000'000'000, value);
+    sample.quality = quality;
+    pyramid.add(sample);
+  };
+  add(0, 70, media::VitalQuality::kGood);
+  add(1, 18, media::VitalQuality::kQuestionable);
+  add(2, 300, media::VitalQuality::kInvalid);
+  add(3, 71, media::VitalQuality::kGood);
+  for (const auto& known : {pyramid, VitalPyramid::restore(pyramid.save()).value()}) {
+    const auto fine = known.view(0, 4'000'000'000, VitalPyramid::kBaseNs).at(0).bins;
+    ASSERT_THAT(fine, SizeIs(3));
+    EXPECT_FALSE(fine[0].is_questionable);
+    EXPECT_TRUE(fine[1].is_questionable);
+    EXPECT_FALSE(fine[2].is_questionable);
+    const auto wide = known.view(0, 4'000'000'000, 16 * VitalPyramid::kBaseNs).at(0).bins;
+    ASSERT_THAT(wide, SizeIs(1));
+    EXPECT_TRUE(wide[0].is_questionable) << "some of it is";
+    EXPECT_EQ(wide[0].max, 71);
+    EXPECT_TRUE(known.before(2'500'000'000).at(0).bins.at(0).is_questionable);
+  }
+  VitalSample invalid = wave(9'000'000'000, 100, {1, 2});
+  invalid.quality = media::VitalQuality::kInvalid;
+  pyramid.add(invalid);
+  EXPECT_THAT(pyramid.view(0, 10'000'000'000, VitalPyramid::kBaseNs), SizeIs(1));
+}
+
 TEST(VitalPyramid, KnowsTheNewestValueBeforeATime) {
   VitalPyramid pyramid;
   pyramid.add(number(1'000'000'000, 60));

@@ -58,6 +58,10 @@ describe('Trouble of a room', () => {
     ]);
     expect(troublesOf(room('recording', stream({ kind: 'vitals', live: false, age_ms: 3000 }))).map((one) => one.kind)).toEqual(['silent']);
     expect(troublesOf(room('recording', stream({ live: false, age_ms: 2999 }))), 'is being opened').toEqual([]);
+    expect(
+      troublesOf(room('standby', stream({ live: false, age_ms: 3000 }))).map((one) => one.kind),
+      'ahead of a case',
+    ).toEqual(['silent']);
     expect(troublesOf(room('closing', stream({ live: false, dropped: 3 })))).toEqual([]);
   });
   it('leaves a monitor more time than a camera', () => {
@@ -96,6 +100,7 @@ describe('Live vital signs', () => {
     source: '',
     time_ns,
     value,
+    questionable: false,
     ...more,
   });
   const readingsOf = (all: LiveSeries[], now_ns: number) => liveBedsidesOf(all, now_ns).flatMap((one) => one.readings);
@@ -113,6 +118,12 @@ describe('Live vital signs', () => {
       ['60', '', undefined],
       ['120/80', '(93)', undefined],
     ]);
+  });
+  it('say which may be of an earlier patient', () => {
+    const doubts = readingsOf([series('MDC_ECG_HEART_RATE', 9e9, 18, { questionable: true }), series('MDC_PULS_OXIM_SAT_O2', 9e9, 97)], 10e9).map(
+      (one) => one.isQuestionable,
+    );
+    expect(doubts).toEqual([true, false]);
   });
   it('of several beds stay apart, whoever spoke last', () => {
     const of = (source: string, rate: number, high: number | null, low: number | null, time_ns: number, stream = 'vitals') => [

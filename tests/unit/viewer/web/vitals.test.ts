@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import type { VitalBin, VitalSeries } from '@/api/types';
 import { formatUnit, formatValue, groupsOf } from '@/vitals/monitor';
-import { columnsOf, gapOf, kBinsOfTile, levelFor, tileLength_ns, tileSpan, tilesOver, valueAt } from '@/vitals/tiles';
+import { columnsOf, gapOf, isQuestionableAt, kBinsOfTile, levelFor, tileLength_ns, tileSpan, tilesOver, valueAt } from '@/vitals/tiles';
 
 describe('Tiles of vital signs', () => {
   it('have bins no wider than a pixel, and not finer than twice that', () => {
@@ -31,6 +31,10 @@ describe('The number beside the picture', () => {
     expect(valueAt(bins, 1.5e9)).toEqual({ value: 71, time_ns: 1.5e9 });
     expect(valueAt(bins, 8e9)).toEqual({ value: 71, time_ns: 2e9 });
     expect(valueAt(bins, -1)).toBeUndefined();
+  });
+  it('says where it may be of an earlier patient', () => {
+    const stretches: VitalSeries['questionable'] = [[1e9, 2e9]];
+    expect([0.5e9, 1e9, 2e9, 2.5e9].map((at) => isQuestionableAt(stretches, at))).toEqual([false, true, true, false]);
   });
   it('is printed as monitors print it', () => {
     expect([72, 97.5, 36.6, 120.02, 5, 0.4].map(formatValue)).toEqual(['72', '97.5', '36.6', '120', '5', '0.4']);
@@ -70,6 +74,7 @@ describe('The monitor', () => {
     source: '',
     every_ns: 1e9,
     bins: [],
+    questionable: [],
   });
   it('shows what is there in its order, and what it does not know behind', () => {
     const groups = groupsOf([series('KIROKU_X'), series('MDC_PRESS_BLD_ART_ABP_DIA'), series('MDC_ECG_HEART_RATE'), series('MDC_ECG_ELEC_POTL_II', 'wave')]);

@@ -53,6 +53,7 @@ export type Vitals = Schemas['Vitals'];
 export type VitalSeries = Vitals['series'][number];
 export type VitalBin = VitalSeries['bins'][number];
 export type Alarm = Vitals['alarms'][number];
+export type VitalNotice = Vitals['notices'][number];
 export type VitalWords = Vitals['texts'][number];
 export type LiveStream = Schemas['LiveStream'];
 export type LiveVitals = Schemas['LiveVitals'];

@@ -46,12 +46,15 @@ export const caseEn = {
 
   'vitals.none': 'No vital signs.',
   'vitals.age': '{age} s ago',
+  'vitals.questionable': 'questionable',
+  'vitals.questionableWhat': 'The monitor or the recorder marks it so: it may be of an earlier patient, or a test.',
 
   'moment.mark': 'Mark',
   'moment.alarm': 'Alarm',
   'moment.gap': 'Gap',
   'moment.noSound': '{stream}, no sound: {cause}',
   'moment.token': 'Time-stamp',
+  'moment.notice': 'Notice',
   'moment.none': 'Nothing to show.',
   'moment.show': 'Show',
   'moment.sealed': 'Marks are sealed with the case.',
@@ -121,12 +124,15 @@ export const caseJa: Record<keyof typeof caseEn, string> = {
 
   'vitals.none': 'バイタルサインはありません。',
   'vitals.age': '{age} 秒前',
+  'vitals.questionable': '要確認',
+  'vitals.questionableWhat': 'モニターまたは記録装置がそのように印を付けています。前の患者の値、または試験の値のおそれがあります。',
 
   'moment.mark': 'マーク',
   'moment.alarm': 'アラーム',
   'moment.gap': '欠落',
   'moment.noSound': '{stream}、音声なし：{cause}',
   'moment.token': 'タイムスタンプ',
+  'moment.notice': '通知',
   'moment.none': '表示するものがありません。',
   'moment.show': '表示',
   'moment.sealed': 'マークは症例とともに封印されています。',

@@ -1,4 +1,4 @@
-// What goes wrong while a room records: a stream that is silent, pictures that were lost. And when that shall be heard. Pure but for what it keeps.
+// What goes wrong while a room records, or records ahead: a stream that is silent, pictures that were lost. And when that shall be heard. Pure but for what it keeps.
 import type { RoomStatus, StreamStatus } from '@/api/types';
 
 /** A camera whose newest picture is older than this is silent. */
@@ -10,9 +10,9 @@ export type Trouble = { kind: 'silent'; room: string; stream: string; for_ms: nu
 
 export const isSilent = (stream: StreamStatus): boolean => !stream.live || stream.age_ms >= (stream.kind === 'vitals' ? kSilentVitals_ms : kSilentVideo_ms);
 
-/** Of a room that records; in every other state nothing is missed. */
+/** Of a room that records, or records ahead: a case begins without what is silent there. In every other state nothing is missed. */
 export function troublesOf(room: RoomStatus): Trouble[] {
-  if (room.state !== 'recording') return [];
+  if (room.state !== 'recording' && room.state !== 'standby') return [];
   return room.streams.flatMap((stream): Trouble[] => [
     // In the first seconds of a case a source is still being opened.
     ...(isSilent(stream) && stream.age_ms >= kSilentVideo_ms ? [{ kind: 'silent' as const, room: room.room, stream: stream.name, for_ms: stream.age_ms }] : []),

@@ -196,9 +196,12 @@ function drawAlarms(
     const to = toPixel(alarm.end_ns, window, width);
     if (to <= 0 || from >= width) continue;
     context.fillStyle = colors('alarm');
+    // What may be of an earlier patient stands back.
+    context.globalAlpha = alarm.questionable ? 0.35 : 1;
     context.beginPath();
     context.roundRect(from, top, Math.max(3, to - from), height, 3);
     context.fill();
+    context.globalAlpha = 1;
   }
 }
 

@@ -1,6 +1,7 @@
 // Trends of vital signs in the time line's window: a line through what each was last, a band from its lowest to its highest, nothing where nothing came.
 import { useEffect, useRef } from 'preact/hooks';
 import uPlot from 'uplot';
+import type { VitalSeries } from '@/api/types';
 import type { Span } from '@/base/spans';
 import { t, word } from '@/i18n/i18n';
 import { theme } from '@/shell/state';
@@ -16,6 +17,20 @@ const trendsIn = (store: VitalsStore, whole: Span) => {
   const { bedside, trends } = trendsOf(bedsides);
   return { trends, whose: bedside ? nameOfBedside(bedside, bedsides, (stream) => word('stream', stream)) : '' };
 };
+
+/** Behind the lines: where some of them may be of an earlier patient. */
+function shade(drawing: uPlot, stretches: VitalSeries['questionable'], color: string): void {
+  const { left, top, width, height } = drawing.bbox;
+  drawing.ctx.save();
+  drawing.ctx.fillStyle = color;
+  drawing.ctx.globalAlpha = 0.25;
+  for (const [start, end] of stretches) {
+    const from = Math.max(left, drawing.valToPos(start / 1e9, 'x', true));
+    const to = Math.min(left + width, drawing.valToPos(end / 1e9, 'x', true));
+    if (to > from) drawing.ctx.fillRect(from, top, Math.max(2, to - from), height);
+  }
+  drawing.ctx.restore();
+}
 
 /** What the lines are, in their colours, beside them. */
 export function TrendNames({ store, whole, top }: { store: VitalsStore; whole: Span; top: number }) {
@@ -38,6 +53,8 @@ export function TrendNames({ store, whole, top }: { store: VitalsStore; whole: S
 export function Trends({ store, window, whole, width }: { store: VitalsStore; window: Span; whole: Span; width: number }) {
   const place = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
+  /** Of all that is drawn: where it is questionable. */
+  const questionable = useRef<VitalSeries['questionable']>([]);
   const dark = theme.value;
   const version = store.version.value;
   const { trends: shown, whose } = trendsIn(store, whole);
@@ -74,6 +91,7 @@ export function Trends({ store, window, whole, width }: { store: VitalsStore; wi
         ],
         // The lowest, highest and last of each: three lines, of which the first two only bound a band.
         series: [{}, ...shown.flatMap(({ color }) => [{ points: { show: false } }, { points: { show: false } }, line(color)])],
+        hooks: { drawClear: [(drawing) => shade(drawing, questionable.current, colors('muted'))] },
         bands: shown.map(({ color }, at) => ({ series: [3 * at + 2, 3 * at + 1] as [number, number], fill: `${colors(`vital-${color}`)}33` })),
       },
       [[]],
@@ -91,6 +109,7 @@ export function Trends({ store, window, whole, width }: { store: VitalsStore; wi
     if (drawing.width !== width) drawing.setSize({ width, height: kHeight });
     const { series } = store.over(window, width);
     const level = levelFor(window, width);
+    questionable.current = series.filter((each) => shown.some((trend) => trend.key === keyOfSeries(each))).flatMap((each) => each.questionable);
     const tables = shown.map((trend) => {
       const one = series.find((each) => keyOfSeries(each) === trend.key);
       const columns = columnsOf(one?.bins ?? [], gapOf(one?.every_ns ?? 0, level));

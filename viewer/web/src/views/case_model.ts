@@ -56,7 +56,7 @@ export function caseModel(info: CaseInfo, timeline: Timeline): CaseModel {
 
 /** One line of the list of moments. */
 export interface Moment {
-  kind: 'mark' | 'alarm' | 'gap' | 'token';
+  kind: 'mark' | 'alarm' | 'gap' | 'token' | 'notice';
   time_ns: number;
   text: string;
   detail: string;

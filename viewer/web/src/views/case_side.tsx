@@ -1,6 +1,6 @@
 // Beside the pictures: vital signs, the plan, and moments.
 import type { Signal } from '@preact/signals';
-import type { Alarm } from '@/api/types';
+import type { Alarm, VitalNotice } from '@/api/types';
 import type { PlanModel } from '@/compare/plan_model';
 import { PlanPanel } from '@/compare/plan_panel';
 import { t } from '@/i18n/i18n';
@@ -22,9 +22,10 @@ interface Props {
   plan: PlanModel | undefined;
   pause: (at_ns: number) => void;
   alarms: readonly Alarm[];
+  notices: readonly VitalNotice[];
 }
 
-export function CaseSide({ model, playback, tab, tabs, store, plan, pause, alarms }: Props) {
+export function CaseSide({ model, playback, tab, tabs, store, plan, pause, alarms, notices }: Props) {
   const hasTabs = tabs.length > 1;
   return (
     <aside class="side" aria-label={t('case.side')}>
@@ -52,7 +53,7 @@ export function CaseSide({ model, playback, tab, tabs, store, plan, pause, alarm
         ) : plan && tab.value === 'plan' ? (
           <PlanPanel plan={plan} model={model} playback={playback} pause={pause} />
         ) : (
-          <MomentsPanel model={model} playback={playback} alarms={alarms} sealed={!model.timeline.marks} />
+          <MomentsPanel model={model} playback={playback} alarms={alarms} notices={notices} sealed={!model.timeline.marks} />
         )}
       </div>
     </aside>

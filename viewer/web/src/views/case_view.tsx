@@ -214,7 +214,7 @@ function Loaded({
   const chosen = selection.value;
   const select = (span: Span) => (selection.value = span);
   const tabs: Tab[] = [...(store ? ['vitals' as const] : []), ...(hasPlan ? ['plan' as const] : []), 'moments'];
-  const alarms = store ? store.over(model.whole, 400).alarms : [];
+  const { alarms, notices } = store ? store.over(model.whole, 400) : { alarms: [], notices: [] };
   return (
     <main id="main" class="main case" tabIndex={-1} ref={whole}>
       <div class="case-head">
@@ -302,7 +302,17 @@ function Loaded({
           )}
           {compared && planView === 'beside' && <PlanPane shown={compared} playback={playback} />}
         </div>
-        <CaseSide model={shown} playback={playback} tab={tab} tabs={tabs} store={store} plan={plan} pause={actions.pauseHere} alarms={alarms} />
+        <CaseSide
+          model={shown}
+          playback={playback}
+          tab={tab}
+          tabs={tabs}
+          store={store}
+          plan={plan}
+          pause={actions.pauseHere}
+          alarms={alarms}
+          notices={notices}
+        />
       </div>
 
       <div class="controls">

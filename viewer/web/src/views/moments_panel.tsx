@@ -1,6 +1,6 @@
 // Marks, alarms, gaps and time-stamps in one list; each a button to its moment.
 import { useSignal } from '@preact/signals';
-import type { Alarm } from '@/api/types';
+import type { Alarm, VitalNotice } from '@/api/types';
 import { lastAtOrBefore } from '@/base/spans';
 import { formatDuration, formatTime } from '@/base/time';
 import { formatMoment, t, word } from '@/i18n/i18n';
@@ -8,13 +8,19 @@ import type { Playback } from '@/media/playback';
 import { Icon, type IconName } from '@/shell/icon';
 import type { CaseModel, Moment } from '@/views/case_model';
 
-const kSigns: Record<Moment['kind'], IconName> = { mark: 'mark', alarm: 'alarm', gap: 'dash', token: 'intact' };
-const kKinds: readonly Moment['kind'][] = ['mark', 'alarm', 'gap', 'token'];
+const kSigns: Record<Moment['kind'], IconName> = { mark: 'mark', alarm: 'alarm', gap: 'dash', token: 'intact', notice: 'document' };
+const kKinds: readonly Moment['kind'][] = ['mark', 'alarm', 'gap', 'token', 'notice'];
 
-function momentsOf(model: CaseModel, alarms: readonly Alarm[]): Moment[] {
+function momentsOf(model: CaseModel, alarms: readonly Alarm[], notices: readonly VitalNotice[]): Moment[] {
   const moments: Moment[] = [
     ...model.marks.map((one): Moment => ({ kind: 'mark', time_ns: one.time_ns, text: one.text, detail: '' })),
-    ...alarms.map((one): Moment => ({ kind: 'alarm', time_ns: one.start_ns, text: one.text, detail: formatDuration(one.end_ns - one.start_ns) })),
+    ...alarms.map((one): Moment => ({
+      kind: 'alarm',
+      time_ns: one.start_ns,
+      text: one.text,
+      detail: `${formatDuration(one.end_ns - one.start_ns)}${one.questionable ? `, ${t('vitals.questionable')}` : ''}`,
+    })),
+    ...notices.map((one): Moment => ({ kind: 'notice', time_ns: one.time_ns, text: one.text, detail: word('stream', one.stream) })),
     ...[...model.gaps.values()].flat().map((one): Moment => ({
       kind: 'gap',
       time_ns: one.start_ns,
@@ -37,9 +43,18 @@ function momentsOf(model: CaseModel, alarms: readonly Alarm[]): Moment[] {
   return moments.sort((a, b) => a.time_ns - b.time_ns);
 }
 
-export function MomentsPanel({ model, playback, alarms, sealed }: { model: CaseModel; playback: Playback; alarms: readonly Alarm[]; sealed: boolean }) {
+interface Props {
+  model: CaseModel;
+  playback: Playback;
+  alarms: readonly Alarm[];
+  /** What the recorder says of the monitors. */
+  notices: readonly VitalNotice[];
+  sealed: boolean;
+}
+
+export function MomentsPanel({ model, playback, alarms, notices, sealed }: Props) {
   const hidden = useSignal<ReadonlySet<Moment['kind']>>(new Set());
-  const all = momentsOf(model, alarms);
+  const all = momentsOf(model, alarms, notices);
   const kinds = kKinds.filter((kind) => all.some((one) => one.kind === kind));
   const list = all.filter((one) => !hidden.value.has(one.kind));
   const now = lastAtOrBefore(list, playback.position_ns.value + 1e6, (one) => one.time_ns);

@@ -267,7 +267,9 @@ function RoomCard({ room, unheardSince, seen, watches, clock, mayControl, refres
 
 function Appliance({ status }: { status: ApplianceStatus }) {
   const { disk, clock } = status;
-  const scarce = disk === null || (disk.hours_left !== null && disk.hours_left < 8);
+  // One camera of 4 Mbit/s in each room fills so much in eight hours.
+  const isShort = disk !== null && (disk.hours_left === null ? disk.free_bytes < 16e9 * Math.max(1, status.rooms.length) : disk.hours_left < 8);
+  const scarce = disk === null || isShort;
   const left =
     disk === null ? t('appliance.diskUnknown') : disk.hours_left === null ? formatBytes(disk.free_bytes) : t('appliance.hours', { hours: disk.hours_left });
   return (

@@ -19,6 +19,8 @@ export interface LiveReading {
   unit: string;
   /** For how long nothing has come, where that is too long. */
   silent_s: number | undefined;
+  /** It may be of an earlier patient, or a test. */
+  isQuestionable: boolean;
 }
 
 /** What one source on one stream says: what a reading is made of is all of one patient. */
@@ -60,6 +62,7 @@ function readingsOf(series: readonly LiveSeries[], now_ns: number): LiveReading[
       text: texts.some((one) => one !== undefined) ? texts.map((one) => one ?? '–').join('/') : '– –',
       mean: mean === undefined ? '' : `(${mean})`,
       unit: formatUnit(known[0]?.unit ?? ''),
+      isQuestionable: [...all, group.mean === undefined ? undefined : number(group.mean)].some((one) => one?.questionable && shown(one) !== undefined),
       silent_s: known.length > 0 && age_ns > fresh_ns ? Math.round(age_ns / kSecond) : undefined,
     };
   });

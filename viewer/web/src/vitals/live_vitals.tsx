@@ -69,9 +69,11 @@ interface ReadingProps {
   clock: RemoteClock;
 }
 
-function Reading({ reading: { group, text, mean, unit, silent_s }, wave, waves, clock }: ReadingProps) {
+function Reading({ reading: { group, text, mean, unit, silent_s, isQuestionable }, wave, waves, clock }: ReadingProps) {
   return (
-    <div class={`vital vital-${group.color}${wave === undefined ? '' : ' vital-with-wave'}${silent_s === undefined ? '' : ' vital-silent'}`}>
+    <div
+      class={`vital vital-${group.color}${wave === undefined ? '' : ' vital-with-wave'}${silent_s === undefined ? '' : ' vital-silent'}${isQuestionable ? ' vital-questionable' : ''}`}
+    >
       {wave !== undefined && <Wave of={wave} color={group.color} waves={waves} clock={clock} />}
       <div class="vital-number">
         <span class="vital-label">
@@ -80,6 +82,7 @@ function Reading({ reading: { group, text, mean, unit, silent_s }, wave, waves, 
         <span class={group.codes.length > 1 ? 'vital-value vital-pair' : 'vital-value'}>{text}</span>
         <span class="vital-foot">
           <span>
+            {isQuestionable && <strong title={t('vitals.questionableWhat')}>{t('vitals.questionable')} </strong>}
             {silent_s !== undefined && (
               <>
                 <Icon name="alarm" /> {t('vitals.silent', { seconds: silent_s })}

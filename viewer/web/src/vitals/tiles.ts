@@ -1,7 +1,7 @@
 // Vital signs come in tiles: a tile of level L covers 2^L seconds of the case clock in a fixed number of bins, so that what was once asked for serves
 // again at the same zoom. Pure functions.
 import type { Span } from '@/base/spans';
-import type { VitalBin } from '@/api/types';
+import type { VitalBin, VitalSeries } from '@/api/types';
 
 export const kBinsOfTile = 512;
 
@@ -40,6 +40,10 @@ export function valueAt(bins: readonly VitalBin[], time_ns: number): { value: nu
   }
   return undefined;
 }
+
+/** Whether `time_ns` lies within one of the series' questionable stretches: its end belongs to it, as valueAt() gives the end of a bin. */
+export const isQuestionableAt = (stretches: VitalSeries['questionable'], time_ns: number): boolean =>
+  stretches.some(([start, end]) => start <= time_ns && time_ns <= end);
 
 /** What is so many times further apart than usual is a gap. */
 const kGapFactor = 3.5;

@@ -9,7 +9,7 @@ import { t, word } from '@/i18n/i18n';
 import type { Playback } from '@/media/playback';
 import { theme } from '@/shell/state';
 import { type Bedside, bedsidesOf, formatUnit, formatValue, type Group, groupsOf, keyOfSeries, nameOfBedside } from '@/vitals/monitor';
-import { columnsOf, valueAt } from '@/vitals/tiles';
+import { columnsOf, isQuestionableAt, valueAt } from '@/vitals/tiles';
 import type { VitalsStore } from '@/vitals/vitals_store';
 
 const kNumbersEvery_ns = 0.2 * kSecond;
@@ -83,6 +83,8 @@ interface Shown {
   mean: string;
   unit: string;
   age_s: number | undefined;
+  /** It may be of an earlier patient, or a test. */
+  isQuestionable: boolean;
 }
 
 /** All of one bedside: no reading is put together of two patients' values. */
@@ -92,9 +94,14 @@ function read(group: Group, bedside: Bedside<VitalSeries>, store: VitalsStore, a
   const fresh_ns = group.spot ? kFreshSpot_ns : Math.max(kFresh_ns, Math.min(kFreshMost_ns, usual_ns));
   const last = (code: string) => {
     const key = keyOfSeries({ code, stream: bedside.stream, source: bedside.source });
-    const near = valueAt(store.before(key, at_ns, kNear_ns), at_ns);
+    const found = (back_ns: number) => {
+      const { bins, questionable } = store.before(key, at_ns, back_ns);
+      const value = valueAt(bins, at_ns);
+      return value && { ...value, isQuestionable: isQuestionableAt(questionable, value.time_ns) };
+    };
+    const near = found(kNear_ns);
     if (near) return near;
-    const far = valueAt(store.before(key, at_ns, fresh_ns), at_ns);
+    const far = found(fresh_ns);
     return far && at_ns - far.time_ns <= fresh_ns ? far : undefined;
   };
   const values = group.codes.map(last);
@@ -106,6 +113,7 @@ function read(group: Group, bedside: Bedside<VitalSeries>, store: VitalsStore, a
     mean: mean ? `(${formatValue(mean.value)})` : '',
     unit: formatUnit(main?.unit ?? ''),
     age_s: age_ns > 5 * kSecond ? Math.round(age_ns / kSecond) : undefined,
+    isQuestionable: [...values, mean].some((one) => one?.isQuestionable),
   };
 }
 
@@ -121,16 +129,19 @@ function Reading({ group, bedside, store, playback, at_ns }: ReadingProps) {
   const reading = read(group, bedside, store, at_ns);
   const wave = bedside.series.find((one) => one.kind === 'wave' && one.code === group.wave);
   return (
-    <div class={`vital vital-${group.color}${wave ? ' vital-with-wave' : ''}`}>
+    <div class={`vital vital-${group.color}${wave ? ' vital-with-wave' : ''}${reading.isQuestionable ? ' vital-questionable' : ''}`}>
       {wave && <Wave of={keyOfSeries(wave)} color={group.color} store={store} playback={playback} />}
       <div class="vital-number">
         <span class="vital-label">
           {group.label} <small>{reading.unit}</small>
         </span>
         <span class={group.codes.length > 1 ? 'vital-value vital-pair' : 'vital-value'}>{reading.text}</span>
-        {(reading.mean !== '' || reading.age_s !== undefined) && (
+        {(reading.mean !== '' || reading.age_s !== undefined || reading.isQuestionable) && (
           <span class="vital-foot">
-            <span>{reading.age_s !== undefined && t('vitals.age', { age: reading.age_s })}</span>
+            <span>
+              {reading.isQuestionable && <strong title={t('vitals.questionableWhat')}>{t('vitals.questionable')} </strong>}
+              {reading.age_s !== undefined && t('vitals.age', { age: reading.age_s })}
+            </span>
             <span>{reading.mean}</span>
           </span>
         )}
@@ -152,6 +163,7 @@ export function VitalsPanel({ store, playback }: { store: VitalsStore; playback:
       {active.map((alarm) => (
         <p key={`${alarm.start_ns}${alarm.text}`} class="vital-alarm">
           <span>{t('moment.alarm')}</span> {alarm.text}
+          {alarm.questionable && <span title={t('vitals.questionableWhat')}> ({t('vitals.questionable')})</span>}
         </p>
       ))}
       {bedsides.map((bedside) => (

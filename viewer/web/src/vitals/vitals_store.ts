@@ -1,7 +1,7 @@
 // The vital signs of one case, asked for in tiles and kept.
 import { signal } from '@preact/signals';
 import { ApiError, cases } from '@/api/client';
-import type { Alarm, VitalBin, VitalSeries, Vitals } from '@/api/types';
+import type { Alarm, VitalNotice, VitalSeries, Vitals } from '@/api/types';
 import type { Span } from '@/base/spans';
 import { keyOfSeries } from '@/vitals/monitor';
 import { kBinsOfTile, levelFor, type Tile, tileKey, tileSpan, tilesOver } from '@/vitals/tiles';
@@ -29,10 +29,11 @@ export class VitalsStore {
   }
 
   /** What is there of `window` at the zoom of `width` pixels; what lacks is asked for. Series in the server's order. */
-  over(window: Span, width: number): { series: VitalSeries[]; alarms: Alarm[] } {
+  over(window: Span, width: number): { series: VitalSeries[]; alarms: Alarm[]; notices: VitalNotice[] } {
     const level = levelFor(window, width);
     const series = new Map<string, VitalSeries>();
     const alarms = new Map<string, Alarm>();
+    const notices: VitalNotice[] = [];
     for (const tile of tilesOver(window, level)) {
       const span = tileSpan(tile);
       if (span.end_ns <= this.whole.start_ns || span.start_ns >= this.whole.end_ns) continue;
@@ -44,18 +45,21 @@ export class VitalsStore {
       for (const one of vitals.series) {
         const whose = keyOfSeries(one);
         const known = series.get(whose);
-        if (known) known.bins = known.bins.concat(one.bins);
-        else series.set(whose, { ...one });
+        if (known) {
+          known.bins = known.bins.concat(one.bins);
+          known.questionable = known.questionable.concat(one.questionable);
+        } else series.set(whose, { ...one });
       }
       for (const alarm of vitals.alarms) alarms.set(`${alarm.start_ns} ${alarm.text}`, alarm);
+      notices.push(...vitals.notices);
     }
-    return { series: [...series.values()], alarms: [...alarms.values()] };
+    return { series: [...series.values()], alarms: [...alarms.values()], notices };
   }
 
-  /** The bins of the series with this keyOfSeries() that end at or reach to `time_ns`, looking back by `back_ns` at most. */
-  before(key: string, time_ns: number, back_ns: number): VitalBin[] {
+  /** Of the series with this keyOfSeries() what ends at or reaches to `time_ns`, looking back by `back_ns` at most. */
+  before(key: string, time_ns: number, back_ns: number): Pick<VitalSeries, 'bins' | 'questionable'> {
     const window = { start_ns: time_ns - back_ns, end_ns: time_ns + 1 };
-    return this.over(window, 200).series.find((one) => keyOfSeries(one) === key)?.bins ?? [];
+    return this.over(window, 200).series.find((one) => keyOfSeries(one) === key) ?? { bins: [], questionable: [] };
   }
 
   private ask(tile: Tile): void {
