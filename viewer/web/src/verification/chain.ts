@@ -50,7 +50,6 @@ const kByCode: Record<string, LinkName> = {
   'sound-gap': 'segments',
   'gap-beyond-end': 'segments',
   'monitor-silent': 'segments',
-  'subject-not-sealed': 'segments',
   'frames-dropped': 'segments',
   'part-file': 'segments',
   'folder-of-another-case': 'segments',
@@ -61,6 +60,7 @@ const kByCode: Record<string, LinkName> = {
 const kByPrefix: readonly [string, LinkName][] = [
   ['segment', 'segments'],
   ['event-', 'segments'],
+  ['subject-', 'segments'],
   ['stream', 'segments'],
   ['file-', 'segments'],
   ['erased-', 'segments'],
