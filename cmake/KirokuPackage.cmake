@@ -2,6 +2,7 @@
 include(GNUInstallDirs)
 install(FILES deploy/systemd/kirokud.service deploy/systemd/kiroku-retention.service deploy/systemd/kiroku-retention.timer deploy/systemd/kiroku-evidence.service deploy/systemd/kiroku-evidence.timer deploy/systemd/kiroku-witness.service deploy/systemd/kiroku-witness.timer deploy/systemd/kiroku-ship.service deploy/systemd/kiroku-fleet-index.service deploy/systemd/kiroku-fleet-index.timer deploy/systemd/kiroku-fleet-verify.service deploy/systemd/kiroku-fleet-renew.service deploy/systemd/kiroku-fleet-renew.timer deploy/systemd/kiroku-fleet-serve.service deploy/systemd/kiroku-report.service deploy/systemd/kiroku-planning.service
         deploy/systemd/kiroku-training.service deploy/systemd/kiroku-awake.service DESTINATION lib/systemd/system)
+install(PROGRAMS deploy/systemd/await-home DESTINATION libexec/kiroku)
 install(FILES README.md deploy/kiroku.toml DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(FILES deploy/package/needrestart.conf DESTINATION /etc/needrestart/conf.d RENAME kiroku.conf)
 install(FILES sim/haptics/haptic_plugin.h DESTINATION include/kiroku)

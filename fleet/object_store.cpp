@@ -396,10 +396,10 @@ std::optional<StoredObject> ObjectStore::look(const std::string& key, const std:
   return object;
 }
 
-void ObjectStore::for_each_page(const std::string& prefix, bool by_folders,
-                                const std::function<void(const VersionPage&)>& visit) {
+void ObjectStore::for_each_page(const std::string& prefix, const std::string& after, bool by_folders,
+                                const std::function<bool(const VersionPage&)>& visit) {
   constexpr std::size_t kLargestPage = 8U << 20;
-  std::string next_key, next_version;
+  std::string next_key = after, next_version;
   for (bool more = true; more;) {
     // In the order of their names, as they are signed.
     const std::string query =
@@ -414,8 +414,7 @@ void ObjectStore::for_each_page(const std::string& prefix, bool by_folders,
     if (page.more && (page.next_key < next_key ||
                       std::tie(page.next_key, page.next_version) == std::tie(next_key, next_version)))
       throw Error("the store's list of versions goes on with what it told before");
-    visit(page);
-    more = page.more;
+    more = visit(page) && page.more;
     next_key = page.next_key;
     next_version = page.next_version;
   }
@@ -423,12 +422,21 @@ void ObjectStore::for_each_page(const std::string& prefix, bool by_folders,
 
 void ObjectStore::for_each_version(const std::string& prefix,
                                    const std::function<void(const ListedVersion&)>& visit) {
-  for_each_page(prefix, false, [&](const VersionPage& page) {
+  for_each_version_after(prefix, "", [&](const ListedVersion& each) {
+    visit(each);
+    return true;
+  });
+}
+
+void ObjectStore::for_each_version_after(const std::string& prefix, const std::string& key,
+                                         const std::function<bool(const ListedVersion&)>& visit) {
+  for_each_page(prefix, key, false, [&](const VersionPage& page) {
     for (const ListedVersion& each : page.versions) {
       if (!each.key.starts_with(prefix))
         throw Error("the store lists '" + printable(each.key) + "' among what begins with " + prefix);
-      visit(each);
+      if (!visit(each)) return false;
     }
+    return true;
   });
 }
 
@@ -441,7 +449,7 @@ std::vector<ListedVersion> versions_to_try(std::vector<ListedVersion> versions) 
 
 std::vector<std::string> ObjectStore::folders(const std::string& prefix) {
   std::set<std::string> found;
-  for_each_page(prefix, true, [&](const VersionPage& page) {
+  for_each_page(prefix, "", true, [&](const VersionPage& page) {
     for (const std::string& each : page.folders) {
       if (each.size() > prefix.size() + 1 && each.starts_with(prefix) && each.ends_with('/'))
         found.insert(each.substr(prefix.size(), each.size() - prefix.size() - 1));
@@ -450,6 +458,7 @@ std::vector<std::string> ObjectStore::folders(const std::string& prefix) {
       throw Error("the store lists more than " + std::to_string(kMostFolders) + " names below '" + prefix +
                   "': it makes them up, or something else's objects lie there");
     }
+    return true;
   });
   return {found.begin(), found.end()};
 }

@@ -102,6 +102,10 @@ class ObjectStore {
   /// Every version of every object whose key begins with `prefix`. Throws StoreError, kiroku::Error where the
   /// answer makes no sense; what `visit` throws.
   void for_each_version(const std::string& prefix, const std::function<void(const ListedVersion&)>& visit);
+  /// The same of those whose keys come after `key` in the store's order, all of them where it is empty, until
+  /// `visit` returns false.
+  void for_each_version_after(const std::string& prefix, const std::string& key,
+                              const std::function<bool(const ListedVersion&)>& visit);
   /// What follows `prefix` in keys, up to the next '/' and without it, each once. Throws as
   /// for_each_version().
   std::vector<std::string> folders(const std::string& prefix);
@@ -125,8 +129,8 @@ class ObjectStore {
 
  private:
   struct State;
-  void for_each_page(const std::string& prefix, bool by_folders,
-                     const std::function<void(const VersionPage&)>& visit);
+  void for_each_page(const std::string& prefix, const std::string& after, bool by_folders,
+                     const std::function<bool(const VersionPage&)>& visit);
   std::unique_ptr<State> state_;
 };
 

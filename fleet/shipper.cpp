@@ -164,6 +164,8 @@ struct Shipper::Pass {
   const archive::Holds* holds = nullptr;  // null: the log cannot be read
   bool log_went = false;                  // whole, as it is now
   bool held = false;                      // what is shipped now is of a case under legal hold
+  std::uint64_t left_to_look = shipper.terms_.looked_at_again;
+  std::string locks_problem = {};  // why locks could not be looked at
 
   [[nodiscard]] std::string prefix() const { return shipper.terms_.appliance + "/"; }
   [[nodiscard]] bool ended() const { return is_ended != nullptr && (*is_ended)(); }
@@ -386,7 +388,7 @@ struct Shipper::Pass {
   /// Whoever may set legal holds in the store may lift them, and nothing that was put tells of it.
   void look_at_holds_again() {
     if (holds == nullptr || is_ended == nullptr) return;
-    std::uint64_t most = shipper.terms_.looked_at_again;
+    std::uint64_t& most = left_to_look;
     std::optional<HoldLook>& look = shipper.look_;
     if (look) {
       const auto of_case = holds->find(look->case_id);
@@ -548,6 +550,29 @@ struct Shipper::Pass {
     // Behind the log, so that whoever compares the two finds no case held there and not here.
     run_holds(false);
     if (!ended()) look_at_holds_again();
+    lengthen_locks();
+  }
+
+  /// An object is locked for what was asked for when it was put. What the store refuses of that keeps nothing
+  /// from being shipped.
+  void lengthen_locks() {
+    if (is_ended == nullptr) return;
+    try {
+      report.lengthened = shipper.lengthening_.go_on(left_to_look, *is_ended);
+    } catch (const StoreError& error) {
+      if (error.passes()) throw;
+      locks_problem = error.what();
+    } catch (const Error& error) {
+      locks_problem = error.what();
+    }
+  }
+  /// Behind all else: what was shipped is whole all the same.
+  void tell_of_locks() {
+    report.locks_left = LockLengthening::left(shipper.list_, shipper.terms_.retention);
+    if (locks_problem.empty() && report.locks_left) locks_problem = report.locks_left->problem;
+    if (!locks_problem.empty())
+      report.problems.push_back("not every lock in the store lasts as long as 'retain' in [store] asks: " +
+                                locks_problem);
   }
 
   void ship_files() {
@@ -644,7 +669,11 @@ struct Shipper::Pass {
 };
 
 Shipper::Shipper(ObjectStore& store, ShippingList& list, ShippingTerms terms, const Clock& time)
-    : store_(store), list_(list), terms_(std::move(terms)), time_(time) {}
+    : store_(store),
+      list_(list),
+      terms_(std::move(terms)),
+      time_(time),
+      lengthening_(store, list, terms_.appliance, terms_.retention, time) {}
 
 /// A log of years is not read every five seconds.
 const archive::Holds& Shipper::holds_in(const fs::path& log) {
@@ -672,12 +701,14 @@ ShippingReport Shipper::ship(const fs::path& archive, const std::function<bool()
   } else {
     list_.finish();
   }
+  pass.tell_of_locks();
   return pass.report;
 }
 
 ShippingReport Shipper::look(const fs::path& archive) {
   Pass pass{*this, archive, nullptr, {}};
   pass.run();
+  pass.tell_of_locks();
   return pass.report;
 }
 

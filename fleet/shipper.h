@@ -14,7 +14,8 @@
 // whenever it is made, is what a recorder that was cut off could have left. An object counts once the store
 // has told of it with its size, its SHA-256 and its lock. What the appliance log says of legal holds is set
 // in the store, on every version of the case's objects, and asked back; each day it is looked at again, and
-// what somebody lifted in the store meanwhile is set again and told. Not thread-safe.
+// what somebody lifted in the store meanwhile is set again and told. Where locks of longer are asked for than
+// before, those of what is there are lengthened. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -28,6 +29,7 @@
 #include "archive/upkeep/holds.h"
 #include "base/clock.h"
 #include "crypto/signed_note.h"
+#include "fleet/lock_lengthening.h"
 #include "fleet/object_store.h"
 #include "fleet/shipping_list.h"
 
@@ -49,8 +51,8 @@ struct ShippingTerms {
   /// States in the appliance log what was found of a case. Throws kiroku::Error where that cannot be. May be
   /// null.
   std::function<void(const std::string& case_id, const std::string& what)> state = {};
-  /// So many objects are looked at again in one pass, to see that they are still under legal hold; the next
-  /// pass goes on. What comes is shipped between.
+  /// So many objects are looked at again in one pass, to see that they are still under legal hold, and
+  /// locked for as long as is asked for now; the next pass goes on. What comes is shipped between.
   std::uint64_t looked_at_again = UINT64_MAX;
 };
 
@@ -65,6 +67,9 @@ struct ShippingReport {
   /// Of cases under legal hold, what the store no longer held or locked as it had confirmed, a sentence each.
   /// Nothing of Kiroku lifts it so.
   std::vector<std::string> lifted;
+  std::uint64_t lengthened = 0;  // versions in the store whose locks ended earlier than is asked for
+  /// Where it is not known yet that none ends earlier: how far that was looked at.
+  std::optional<ShippingList::LockLook> locks_left;
   /// What could not be shipped, a sentence each; the rest was.
   std::vector<std::string> problems;
 };
@@ -75,9 +80,9 @@ class Shipper {
   Shipper(ObjectStore& store, ShippingList& list, ShippingTerms terms, const Clock& time = Clock::system());
 
   /// Ships what is not in the store yet: of every case and of the appliance log in `archive`, oldest first.
-  /// What is under legal hold is looked at again where its holds changed, and each day. Ends early once
-  /// `is_ended`. Throws StoreError where the store does not take anything, what is not away
-  /// is shipped next time.
+  /// What is under legal hold is looked at again where its holds changed, and each day; all locks are where
+  /// longer ones are asked for than before. Ends early once `is_ended`. Throws StoreError where the store
+  /// does not take anything, what is not away is shipped next time.
   ShippingReport ship(const std::filesystem::path& archive, const std::function<bool()>& is_ended);
   /// The same without asking the store.
   ShippingReport look(const std::filesystem::path& archive);
@@ -99,6 +104,7 @@ class Shipper {
   archive::Holds holds_;
   std::optional<HoldLook> look_;
   std::vector<std::string> lifted_;  // found, and in no report yet
+  LockLengthening lengthening_;
 };
 
 /// What became of an object that was put under a lock of a minute, to find out whether the store's locks

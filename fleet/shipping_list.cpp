@@ -32,7 +32,8 @@ UtcTime time_of(std::int64_t microseconds) { return UtcTime(std::chrono::microse
 
 ShippingList::ShippingList(const std::filesystem::path& file)
     : path_(file), may_be_behind_(true), file_(archive::SqliteFile::open(file, kSchema)) {
-  // Lists that were made before there were legal holds, or before these were looked at again, lack them.
+  // Lists that were made before there were legal holds, or before these or locks were looked at again, lack
+  // them.
   file_
       ->statement(
           "CREATE TABLE IF NOT EXISTS hold (case_id TEXT PRIMARY KEY, standing INTEGER NOT NULL) WITHOUT "
@@ -42,6 +43,13 @@ ShippingList::ShippingList(const std::filesystem::path& file)
       ->statement(
           "CREATE TABLE IF NOT EXISTS hold_check (case_id TEXT PRIMARY KEY, entries TEXT NOT NULL, at_us "
           "INTEGER NOT NULL) WITHOUT ROWID")
+      .step();
+  file_
+      ->statement(
+          "CREATE TABLE IF NOT EXISTS lock_look (row INTEGER PRIMARY KEY CHECK (row = 1), retention_s "
+          "INTEGER "
+          "NOT NULL, after_key TEXT NOT NULL, looked_at INTEGER NOT NULL, lengthened INTEGER NOT NULL, "
+          "failed INTEGER NOT NULL, problem TEXT NOT NULL, finished INTEGER NOT NULL)")
       .step();
   auto state = file_->statement("SELECT unfinished FROM state");
   may_be_behind_ = !state.step() || state.integer(0) != 0;
@@ -164,6 +172,33 @@ void ShippingList::set_hold_check(const std::string& case_id, const HoldCheck& c
   begin();
   auto put = file_->statement("INSERT OR REPLACE INTO hold_check VALUES (?, ?, ?)");
   put.bind(std::string_view(case_id)).bind(std::string_view(check.entries)).bind(microseconds(check.at));
+  put.step();
+}
+
+std::optional<ShippingList::LockLook> ShippingList::lock_look() {
+  auto found = file_->statement(
+      "SELECT retention_s, after_key, looked_at, lengthened, failed, problem, finished FROM lock_look");
+  if (!found.step()) return {};
+  const auto count = [&](int column) { return static_cast<std::uint64_t>(found.integer(column)); };
+  return LockLook{.retention = std::chrono::seconds(found.integer(0)),
+                  .after_key = found.text(1),
+                  .looked_at = count(2),
+                  .lengthened = count(3),
+                  .failed = count(4),
+                  .problem = found.text(5),
+                  .finished = found.integer(6) != 0};
+}
+
+void ShippingList::set_lock_look(const LockLook& look) {
+  begin();
+  auto put = file_->statement("INSERT OR REPLACE INTO lock_look VALUES (1, ?, ?, ?, ?, ?, ?, ?)");
+  put.bind(static_cast<std::int64_t>(look.retention.count()))
+      .bind(std::string_view(look.after_key))
+      .bind(static_cast<std::int64_t>(look.looked_at))
+      .bind(static_cast<std::int64_t>(look.lengthened))
+      .bind(static_cast<std::int64_t>(look.failed))
+      .bind(std::string_view(look.problem))
+      .bind(std::int64_t{look.finished});
   put.step();
 }
 

@@ -2,6 +2,7 @@
 // the same. Not thread-safe; one process ships from a home at a time.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -77,6 +78,18 @@ class ShippingList {
   };
   [[nodiscard]] std::optional<HoldCheck> hold_check(const std::string& case_id);
   void set_hold_check(const std::string& case_id, const HoldCheck& check);
+
+  /// How far it was looked whether locks in the store last as long as is asked for.
+  struct LockLook {
+    std::chrono::seconds retention{0};  // that was asked for
+    std::string after_key = {};         // up to this key of the store's all were looked at
+    std::uint64_t looked_at = 0, lengthened = 0, failed = 0;  // versions; asked about, and of these
+    std::string problem = {};                                 // the first that failed
+    bool finished = false;                                    // to the end
+  };
+  /// Nothing where nobody looked.
+  [[nodiscard]] std::optional<LockLook> lock_look();
+  void set_lock_look(const LockLook& look);
 
   struct Totals {
     std::uint64_t objects = 0, bytes = 0;

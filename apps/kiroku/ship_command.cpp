@@ -48,12 +48,23 @@ nlohmann::ordered_json json_of(const fleet::ShippingReport& report, const fleet:
   if (report.waiting_since) json["waiting_since"] = format_utc(*report.waiting_since);
   json["holds_waiting"] = report.holds_waiting;
   json["lifted"] = report.lifted;
+  json["lengthened"] = report.lengthened;
+  json["locks_left"] = nullptr;
+  if (const auto& left = report.locks_left)
+    json["locks_left"] = {{"retain_s", left->retention.count()},
+                          {"looked_at", left->looked_at},
+                          {"lengthened", left->lengthened},
+                          {"failed", left->failed}};
   json["problems"] = report.problems;
   return json;
 }
 
 std::string objects(std::uint64_t count) {
   return std::to_string(count) + (count == 1 ? " object" : " objects");
+}
+
+std::string lengthened(const fleet::ShippingReport& report) {
+  return "the locks of " + objects(report.lengthened) + ", as 'retain' in [store] asks for now";
 }
 
 int tell_status(const Request& request, const fleet::ShippingReport& report, fleet::ShippingList& list) {
@@ -71,11 +82,15 @@ int tell_status(const Request& request, const fleet::ShippingReport& report, fle
     }
     for (const std::string& each : report.holds_waiting)
       std::cout << "legal hold     of case " << each << " is not confirmed by the store as the log says it\n";
+    if (const auto& left = report.locks_left)
+      std::cout
+          << "locks          are still to be looked at, whether each lasts as 'retain' in [store] asks: "
+          << objects(left->looked_at) << " so far, " << left->lengthened << " lengthened\n";
     for (const std::string& problem : report.problems) print_error("kiroku", problem);
     for (const std::string& each : report.lifted) print_error("kiroku", each);
   }
-  const bool is_all_there =
-      report.waiting == 0 && report.holds_waiting.empty() && report.lifted.empty() && report.problems.empty();
+  const bool is_all_there = report.waiting == 0 && report.holds_waiting.empty() && report.lifted.empty() &&
+                            !report.locks_left && report.problems.empty();
   return is_all_there ? kDone : kNoAnswer;
 }
 
@@ -134,6 +149,7 @@ int follow(fleet::Shipper& shipper, const Home& home, LogPublishing& publishing)
       for (const std::string& each : report.lifted) print_error("kiroku", each);
       if (report.sent > 0)
         std::cout << "sent " << objects(report.sent) << ", " << format_bytes(report.sent_bytes) << std::endl;
+      if (report.lengthened > 0) std::cout << "lengthened " << lengthened(report) << std::endl;
       pause = kLookInterval;
     } catch (const fleet::StoreError& error) {
       problems.emplace_back(error.what());
@@ -250,6 +266,7 @@ int run(const Request& request) {
     std::cout << "sent           " << objects(report.sent) << ", " << format_bytes(report.sent_bytes) << "\n";
     if (report.found > 0)
       std::cout << "found          " << objects(report.found) << " that were there already\n";
+    if (report.lengthened > 0) std::cout << "lengthened     " << lengthened(report) << "\n";
   }
   return tell_status(request, report, list);
 }
@@ -265,7 +282,10 @@ void add_ship_command(Command& program) {
       "has told "
       "of its size, its SHA-256 and its lock. A copy of the store's prefix is an archive: kiroku-verify "
       "judges it "
-      "alone. Recording never waits for the store.");
+      "alone. Recording never waits for the store. Where 'retain' in [store] is longer than it was, the "
+      "locks "
+      "of what is there are lengthened, too; none is ever shortened. What is still short is told, with exit "
+      "status 3.");
   command.explain(
       "--mend is for a case that is still here and of which the store lost bytes. It reads the whole case "
       "from "

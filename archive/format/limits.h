@@ -24,6 +24,8 @@ inline constexpr std::size_t kMaximumStreams = 256;
 inline constexpr std::size_t kMaximumTimeBaseDigits = 10;
 /// A segment's file, and the subject's: what is longer is not read.
 inline constexpr std::uint64_t kMaximumSealedBytes = std::uint64_t{1} << 30U;
+/// The subject, once it is open.
+inline constexpr std::uint64_t kMaximumSubjectBytes = std::uint64_t{16} << 20U;
 /// So many bytes of segments that no entry names are read of a case that was cut off, all together.
 inline constexpr std::uint64_t kMostBytesFound = std::uint64_t{4} << 30U;
 /// In files that may have holes, since they were cut off, so many bytes of holes are read, all together: a

@@ -10,8 +10,10 @@
 #include "archive/format/sealed_file.h"
 #include "archive/verify/found_files.h"
 #include "base/error.h"
+#include "base/foreign_json.h"
 #include "base/saturated_sum.h"
 #include "crypto/age_file.h"
+#include "crypto/secret.h"
 
 namespace kiroku::archive {
 
@@ -156,6 +158,10 @@ void FileChecker::check_one(const FileJob& job) {
         ++contents_.opened_of[job.segment->stream];
         contents_.decoded += *how_far == LookedInside::kDecoded ? 1U : 0U;
       }
+    } else if (hashed->fits && !job.segment && options_->identities != nullptr &&
+               age_form(*opening.file) == AgeForm::kHolding) {
+      const crypto::HashedSource sealed(*opening.file, hashed->trail, job.expected.file, {});
+      look_inside_subject(job, sealed);
     } else if (!hashed->fits) {
       findings_->add(
           "file-hash-differs", place,
@@ -403,6 +409,41 @@ std::optional<FileChecker::LookedInside> FileChecker::look_inside(const FileJob&
   }
   // Of others nobody states how many frames must come out of them.
   return job.segment->complete && job.segment->counted ? LookedInside::kDecoded : LookedInside::kDecrypted;
+}
+
+// The ledger does not say for whom it is sealed: of a case that is carried on it is that of the one before.
+void FileChecker::look_inside_subject(const FileJob& job, const crypto::HashedSource& sealed) {
+  const Place place{job.expected.file, job.entry};
+  Bytes plain;
+  bool is_too_long = false;
+  try {
+    const crypto::AgeFile file = crypto::AgeFile::open(sealed, *options_->identities);
+    is_too_long = file.plaintext_size() > kMaximumSubjectBytes;
+    file.read_all([&](ByteView piece) {
+      if (!is_too_long) plain.insert(plain.end(), piece.begin(), piece.end());
+    });
+  } catch (const crypto::AgeError& error) {
+    crypto::zeroise(plain);
+    if (error.failure() == crypto::AgeFailure::kNoMatch) {
+      findings_->add("subject-not-decrypted", place,
+                     job.expected.file + " was not opened: no identity given is a recipient of it");
+    } else {
+      findings_->add("subject-undecryptable", place,
+                     job.expected.file + " does not decrypt: " + error.what());
+    }
+    return;
+  }
+  const bool is_object = !is_too_long && parse_foreign_json(text_of(plain)).is_object();
+  crypto::zeroise(plain);
+  if (is_too_long) {
+    findings_->add("subject-undecodable", place,
+                   job.expected.file + " opens to more than " + digits(kMaximumSubjectBytes) +
+                       " bytes: it was not looked at");
+  } else if (!is_object) {
+    findings_->add(
+        "subject-undecodable", place,
+        job.expected.file + " opens, and holds no JSON object: of whom the case is nobody can read");
+  }
 }
 
 // The hash fits, so this is what recovery found and signed without a key, and the ledger says so: what does

@@ -115,6 +115,8 @@ class FileChecker {
   /// open.
   std::optional<LookedInside> look_inside(const FileJob& job, const crypto::HashedSource& sealed,
                                           const Hashed& hashed);
+  /// Whether the subject, whose hash fits, opens to what a subject is.
+  void look_inside_subject(const FileJob& job, const crypto::HashedSource& sealed);
   void report_changed(const FileJob& job, std::uint64_t offset);
   void report_rekeyed_unopened(const FileJob& job);
   void count_held(const FileJob& job);

@@ -244,6 +244,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
     {"segment-not-for-recipient", Severity::kTampered,
      "open names a recipient of the stream, whose identity was given and does not open a segment of it"},
     {"segment-undecodable", Severity::kTampered, "a segment does not decode to what its entry states"},
+    {"subject-undecryptable", Severity::kTampered, "the subject with the right hash does not decrypt"},
+    {"subject-undecodable", Severity::kUnproven, "the subject opens, and is no JSON object"},
     {"gap", Severity::kGap, "time in which nothing could be recorded"},
     {"sound-gap", Severity::kGap, "time in which the sound beside pictures could not be recorded"},
     {"segment-incomplete", Severity::kGap, "a segment was cut off before its end"},
@@ -266,6 +268,7 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "beginning "
      "or 10 s at the end"},
     {"segment-not-decrypted", Severity::kNote, "the identities given are no recipients of a stream"},
+    {"subject-not-decrypted", Severity::kNote, "the identities given are no recipients of the subject"},
     {"erased-file-present", Severity::kNote, "a segment entered as erased is still there"},
     // -- files
     {"file-missing", Severity::kTampered, "a file that the ledger names is not there"},

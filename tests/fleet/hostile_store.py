@@ -6,6 +6,7 @@ Usage: tests/fleet/hostile_store.py PROGRAMS
 
 Exit status: 0 everything holds, 1 something does not.
 """
+import datetime
 import http.server
 import json
 import pathlib
@@ -20,7 +21,7 @@ import urllib.parse
 from xml.sax.saxutils import escape
 
 from fleet_test import Fleet
-from ship_test import HERE, Appliance, a_day_passes, require
+from ship_test import HERE, Appliance, a_day_passes, eventually, require
 
 
 HOLD, MODE, UNTIL = (f"x-amz-object-lock-{what}" for what in ("legal-hold", "mode", "retain-until-date"))
@@ -29,6 +30,7 @@ HOLD, MODE, UNTIL = (f"x-amz-object-lock-{what}" for what in ("legal-hold", "mod
 class Version:
     def __init__(self, name, body, headers):
         self.name, self.body, self.headers = name, body, headers
+        self.put = datetime.datetime.now(datetime.timezone.utc)
 
 
 class HostileStore:
@@ -148,19 +150,25 @@ class HostileStore:
                 if "/" in rest:
                     folders.add(prefix + rest[: rest.index("/") + 1])
             return page([], folders)
-        return page([(key, version.name, len(version.body), i == 0)
+        return page([(key, version.name, len(version.body), i == 0, version.put)
                      for key in sorted(self.objects) if key.startswith(prefix) and key > after
                      for i, version in enumerate(self.objects[key])])
 
 
+def time_text(time):
+    return time.strftime("%Y-%m-%dT%H:%M:%S.000Z")
+
+
 def page(versions, folders=(), more=None):
-    """One answer of ListObjectVersions: (key, version, bytes, newest) each; `more`: the next (key, version)."""
+    """One answer of ListObjectVersions: (key, version, bytes, newest) each, and when it was put where that is told;
+    `more`: the next (key, version)."""
     text = '<?xml version="1.0" encoding="UTF-8"?><ListVersionsResult>'
     text += f"<IsTruncated>{'true' if more else 'false'}</IsTruncated>"
     if more:
         text += f"<NextKeyMarker>{escape(more[0])}</NextKeyMarker><NextVersionIdMarker>{escape(more[1])}</NextVersionIdMarker>"
-    for key, version, size, newest in versions:
-        text += f"<Version><Key>{escape(key)}</Key><VersionId>{version}</VersionId><Size>{size}</Size><IsLatest>{'true' if newest else 'false'}</IsLatest></Version>"
+    for key, version, size, newest, *put in versions:
+        text += f"<Version><Key>{escape(key)}</Key><VersionId>{version}</VersionId><Size>{size}</Size><IsLatest>{'true' if newest else 'false'}</IsLatest>"
+        text += "".join(f"<LastModified>{time_text(each)}</LastModified>" for each in put) + "</Version>"
     for folder in folders:
         text += f"<CommonPrefixes><Prefix>{escape(folder)}</Prefix></CommonPrefixes>"
     return text + "</ListVersionsResult>"
@@ -386,6 +394,125 @@ def holds_lifted_below_the_appliance(attack):
     require(held.headers[HOLD] == "OFF", "it is held for good")
 
 
+def locks_are_lengthened(attack):
+    """Who corrects `retain` has the locks of what is in the store already lengthened, and never shortened."""
+    appliance, store = attack.appliance, attack.store
+    toml = appliance.home / "kiroku.toml"
+    before = toml.read_text(encoding="utf-8")
+
+    def asked_for(days):
+        toml.write_text(before.replace('retain = "1d"', f'retain = "{days}d"'), encoding="utf-8")
+
+    def shipped(*words):
+        store.asked = []
+        done = appliance.ask("ship", "--json", *words)
+        told = json.loads(done.stdout)
+        return done.returncode, told, " ".join(told["problems"])
+
+    def of_versions(days):
+        """By how much each lock is longer than asked for: the store dates an object a moment after it was locked."""
+        return {key: datetime.datetime.fromisoformat(version.headers[UNTIL].replace("Z", "+00:00")) - version.put - datetime.timedelta(days=days)
+                for key, found in store.objects.items() for version in found if UNTIL in version.headers and "/probe/" not in key}
+
+    def last(days):
+        return all(abs(each) < datetime.timedelta(minutes=1) for each in of_versions(days).values())
+
+    for version in (version for found in store.objects.values() for version in found):
+        version.put -= datetime.timedelta(hours=2)
+        version.headers[UNTIL] = time_text(version.put + datetime.timedelta(days=1))
+    until = {key: version.headers[UNTIL] for key, found in store.objects.items() for version in found}
+    appliance.ask("ship", "--probe")
+    (probe,) = [version for key, found in store.objects.items() if key.startswith("or-1/probe/") for version in found if UNTIL in version.headers][:1]
+    in_a_minute, mended = probe.headers[UNTIL], attack.segment()
+    # What mended the segment a while later lasts no longer than the segment.
+    store.put(mended, b"mended", {HOLD: "OFF", MODE: "COMPLIANCE", UNTIL: until[mended]})
+    loose = store.put(mended, b"that nobody locked")
+    stranger = store.put("or-1/notes.txt", b"of somebody", {MODE: "COMPLIANCE", UNTIL: until[mended]})
+    asked_for(30)
+    status, told, _ = shipped("--status")
+    require(status == 3 and told["locks_left"] and told["locks_left"]["failed"] == 0 and not store.asked, f"short locks are not told: {told}")
+    # A store that takes it and does nothing.
+    store.takes_locks = False
+    status, told, said = shipped()
+    require(status == 3 and told["lengthened"] == 0 and told["locks_left"]["failed"] == len(until) + 1 and "its locks cannot be relied on" in said,
+            f"a store that does nothing: {told}, {said}")
+    store.takes_locks = True
+    # One object that the store refuses keeps no other short, and stays told.
+    store.status_of = lambda method, key, query: (403, b"<Error><Code>AccessDenied</Code></Error>") if method == "PUT" and key == mended else None
+    status, told, said = shipped()
+    require(status == 3 and told["lengthened"] == len(until) - 1 and told["locks_left"]["failed"] == 2 and f"{mended}: cannot lock" in said,
+            f"what is refused: {told}, {said}")
+    status, told, said = shipped("--status")
+    require(status == 3 and mended in said and told["locks_left"]["failed"] == 2, f"it is forgotten: {told}, {said}")
+    store.status_of = lambda *_: None
+    status, told, _ = shipped()
+    require(status == 0 and told["lengthened"] == 2 and told["locks_left"] is None, f"not lengthened at last: {told}")
+    # Only what is not known to be long enough is asked about: the three versions that the list has not, or had not.
+    heads = [key for method, key, _ in store.asked if method == "HEAD"]
+    require(set(heads) == {mended} and len(heads) == 5, f"asked about {heads}")
+    lasting = of_versions(30)
+    require(len(lasting) > len(until) and len({version.headers[UNTIL] for version in store.objects[mended] if UNTIL in version.headers}) == 1,
+            f"the mended version lasts otherwise: {[version.headers for version in store.objects[mended]]}")
+    store.objects[mended][1].put = store.objects[mended][-1].put
+    del store.objects["or-1/notes.txt"]
+    require(last(30), f"they do not last 30 days: {of_versions(30)}")
+    require(UNTIL not in loose.headers and stranger.headers[UNTIL] == until[mended] and probe.headers[UNTIL] == in_a_minute, "what is nobody's was locked")
+    # Done is done: nothing is listed once more.
+    status, told, _ = shipped()
+    require(status == 0 and told["lengthened"] == 0 and not any("versions" in query for _, _, query in store.asked), f"asked again: {store.asked}")
+    # A shorter time shortens nothing, and what is put meanwhile is lengthened with a longer one.
+    asked_for(10)
+    later = appliance.recorded(1)
+    status, told, _ = shipped()
+    require(status == 0 and told["lengthened"] == 0 and all(each > datetime.timedelta(days=19) for key, each in of_versions(10).items() if attack.case in key),
+            f"shortened: {of_versions(10)}")
+    require(all(abs(each) < datetime.timedelta(minutes=1) for key, each in of_versions(10).items() if later in key), "what is new lasts otherwise")
+    asked_for(30)
+    status, told, _ = shipped()
+    require(status == 0 and 0 < told["lengthened"] < len(until) and last(30), f"what was put meanwhile: {told}, {of_versions(30)}")
+    # Times that cannot be: nobody can shorten a lock again.
+    asked_for(60)
+    for put in (None, datetime.datetime.now(datetime.timezone.utc) + datetime.timedelta(days=365)):
+        store.listing = lambda query, put=put: page([(key, version.name, len(version.body), i == 0, *([put] if put else []))
+                                                     for key, found in sorted(store.objects.items())
+                                                     if key.startswith(query["prefix"]) and key > query.get("key-marker", "") for i, version in enumerate(found)])
+        status, told, said = shipped()
+        words = "is yet to come" if put else "does not tell when it was put"
+        require(status == 3 and told["lengthened"] == 0 and words in said and last(30), f"a store without times: {told}, {said}")
+    store.listing = lambda query: None
+    # Lists in no order, and without an end.
+    store.listing = lambda query: page([(f"or-1/log/{name}", "v", 1, True) for name in "ba"])
+    status, told, said = shipped()
+    require(status == 3 and "its lists are in no order" in said, f"a list in no order: {told}, {said}")
+    store.listing = lambda query: None
+    # In small steps, as the service does it, and after it was killed it goes on.
+    for _ in range(1200):
+        old = store.put(mended.replace("00000000", f"{store.count:08d}"), b"old", {MODE: "COMPLIANCE", UNTIL: until[mended]})
+        old.put = store.objects[mended][-1].put
+    store.asked = []
+
+    def followed(condition):
+        with subprocess.Popen(appliance.command("ship", "--follow"), env=appliance.environment, stdout=subprocess.PIPE, text=True) as following:
+            try:
+                eventually(condition, "nothing was lengthened")
+            finally:
+                following.kill()
+
+    def set_so_far():
+        return [key for method, key, query in store.asked if method == "PUT" and "retention" in query]
+
+    followed(lambda: len(set_so_far()) >= 100)
+    first = set_so_far()
+    require(len(first) <= 510, f"{len(first)} in one step")
+    status, told, _ = shipped("--status")
+    require(status == 3 and told["locks_left"]["looked_at"] >= len(first) - 64, f"a killed one is not remembered: {told}")
+    status, told, _ = shipped()
+    again = set(first) & set(set_so_far())
+    require(status == 0 and told["locks_left"] is None and last(60) and not again, f"{len(again)} were lengthened twice: {told}")
+    toml.write_text(before, encoding="utf-8")
+    appliance.kiroku("ship")
+
+
 def a_log_published_meanwhile(attack):
     """A checkpoint that another program publishes while hashes go to a slow store waits for those that it names."""
     home, store = attack.appliance.home, attack.store
@@ -470,7 +597,7 @@ def main():
         pathlib.Path(name).chmod(0o755)
         attack = Attack(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(name))
         for attempt in (truth, another_case, endless_lists, names, versions, sizes, nothing_at_all, the_end_withheld, unconfirmed,
-                        holds_lifted_below_the_appliance, a_log_published_meanwhile, catalogue):
+                        holds_lifted_below_the_appliance, locks_are_lengthened, a_log_published_meanwhile, catalogue):
             attempt(attack)
             attack.anew()
             print(f"holds: {attempt.__name__.replace('_', ' ')}", flush=True)

@@ -7,6 +7,7 @@ Usage: tests/fleet/ship_test.py PROGRAMS
 Exit status: 0 everything holds, 1 something does not, 77 Ceph is not installed.
 """
 import contextlib
+import datetime
 import hashlib
 import json
 import os
@@ -478,6 +479,29 @@ def locks_hold(appliance, store):
     require(status == 403, f"the store's user could remove {key}: {status} {body}")
 
 
+def longer_locks_reach_what_is_there(appliance, store):
+    def locks():
+        """When the lock of each version ends: {(key, version): text}."""
+        told = {}
+        for key, versions in store.versions("recordings").items():
+            for version in versions if key.startswith("or-1/") and not key.startswith("or-1/probe/") else ():
+                _, body = store.ask("GET", f"/recordings/{key}?retention=&versionId={version}")
+                told[key, version] = body.partition(b"<RetainUntilDate>")[2].partition(b"T")[0].decode()
+        return told
+
+    toml, before = appliance.home / "kiroku.toml", locks()
+    text = toml.read_text(encoding="utf-8")
+    toml.write_text(text.replace('retain = "1d"', 'retain = "3d"'), encoding="utf-8")
+    told = json.loads(appliance.kiroku("ship", "--json"))
+    require(told["lengthened"] > len(before) / 2 and told["locks_left"] is None, f"not lengthened: {told}, of {len(before)}")
+    after = locks()
+    short = [each for each, until in before.items() if until and datetime.date.fromisoformat(after[each]) - datetime.date.fromisoformat(until)
+             < datetime.timedelta(days=2)]
+    require(not short, f"still as short: {short[:5]}")
+    toml.write_text(text, encoding="utf-8")
+    require(json.loads(appliance.kiroku("ship", "--json"))["lengthened"] == 0 and locks().items() >= after.items(), "a lock was shortened")
+
+
 def what_the_store_holds_may_be_erased(appliance, store):
     case = appliance.recorded(4)
     erase = ("erase", case, "--stream", "endoscope", "--policy", "reviewed")
@@ -729,6 +753,7 @@ def main():
                         a_running_case_goes_meanwhile, a_destroyed_appliances_case_reads_as_cut_off,
                         another_machine_gets_the_cases_back, another_device_states_what_a_lost_appliance_shipped,
                         an_appliance_of_the_same_name_is_told, another_store_has_another_list, locks_hold,
+                        longer_locks_reach_what_is_there,
                         what_the_store_holds_may_be_erased, what_is_held_stays_here_and_there,
                         what_is_lifted_in_the_store_is_set_again, a_running_case_is_held, a_file_that_cannot_go_keeps_no_other_from_going,
                         the_logs_tree_is_published_there, what_is_wrong_is_said):

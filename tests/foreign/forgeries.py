@@ -1486,6 +1486,34 @@ def subject_that_is_sealed(world):
     return with_subject(world, world.seal("subject", b'{"patient":"Taro Yamada"}'), never=["subject-not-sealed"])
 
 
+@reaches()
+def subject_that_opens(world):
+    return with_subject(world, world.seal("subject", b'{"patient":"Taro Yamada"}'), identity=str(world.reader),
+                        never=["subject-undecodable", "subject-undecryptable", "subject-not-decrypted"])
+
+
+@reaches("subject-undecryptable")
+def subject_of_sealed_nonsense(world):
+    sealed = world.seal("subject", b'{"patient":"Taro Yamada"}')
+    return with_subject(world, sealed[:-1] + bytes([sealed[-1] ^ 1]), identity=str(world.reader), never=["subject-undecodable"])
+
+
+@reaches("subject-undecodable")
+def subject_that_names_nobody(world):
+    return with_subject(world, world.seal("a subject of lines", b"Taro Yamada\n"), identity=str(world.reader))
+
+
+@reaches("subject-undecodable")
+def subject_deeper_than_anybody_reads(world):
+    return with_subject(world, world.seal("a deep subject", b'{"a":' * 100_000 + b"1" + b"}" * 100_000), identity=str(world.reader))
+
+
+@reaches("subject-not-decrypted")
+def subject_sealed_for_somebody_else(world):
+    sealed = age.seal(b'{"patient":"Taro Yamada"}', [age.Identity(bytes([9] * 32)).public])
+    return with_subject(world, sealed, identity=str(world.reader), never=["subject-undecodable"])
+
+
 @reaches("file-hash-differs")
 def rekeyed_from_an_empty_file(world):
     def change(document, files):

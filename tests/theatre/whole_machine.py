@@ -161,11 +161,16 @@ def install(theatre):
     said = theatre.need("DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends /cargo/kiroku.deb", 400)
     for line in ("kiroku init --home", "kirokud --check", "systemctl start kirokud"):
         must(line in said, f"the package's message does not tell of '{line}': {said[-1500:]}")
-    for file in ("bin/kiroku", "bin/kirokud", "bin/kiroku-verify", "libexec/kiroku/kiroku-decoder", "libexec/kiroku/kiroku-full",
+    for file in ("bin/kiroku", "bin/kirokud", "bin/kiroku-verify", "libexec/kiroku/await-home", "libexec/kiroku/kiroku-decoder", "libexec/kiroku/kiroku-full",
                  "libexec/kiroku/kiroku-media", "libexec/kiroku/kiroku-sim", "share/kiroku/web/index.html", "share/doc/kiroku/README.md"):
         theatre.need(f"test -s /usr/{file}")
     theatre.need("systemctl is-enabled kirokud kiroku-retention.timer kiroku-evidence.timer kiroku-witness.timer")
     must(theatre.guest.run("systemctl is-failed kirokud")[0] != 0, "without a home the service counts as failed")
+    # Somebody who starts it all the same, or starts the machine anew, is told, and it goes on asking.
+    theatre.need("systemctl start --no-block kirokud")
+    theatre.until("it says that there is no home", 60, lambda: f"there is no {HOME}/device.pub" in theatre.guest.run("journalctl -q -u kirokud -p err")[1])
+    must(theatre.need("systemctl show -p ActiveState --value kirokud").strip() == "activating", "without a home it gives up")
+    theatre.need("systemctl stop kirokud", 60)
 
 
 def initialise(theatre):

@@ -1,6 +1,7 @@
 #include "fleet/shipping_list.h"
 
 #include <fstream>
+#include <tuple>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -39,6 +40,15 @@ TEST_F(ShippingListTest, RemembersWhatIsInTheStore) {
     EXPECT_FALSE(list.hold_check("a"));
     list.set_hold_check("a", {"7", UtcTime(1h)});
     list.set_hold_check("a", {"7,12", UtcTime(2h)});
+    EXPECT_FALSE(list.lock_look());
+    list.set_lock_look({.retention = 24h});
+    list.set_lock_look({.retention = 48h,
+                        .after_key = "or-1/a",
+                        .looked_at = 5,
+                        .lengthened = 3,
+                        .failed = 1,
+                        .problem = "or-1/a: why",
+                        .finished = true});
     list.finish();
     EXPECT_FALSE(list.may_be_behind());
   }
@@ -62,6 +72,13 @@ TEST_F(ShippingListTest, RemembersWhatIsInTheStore) {
   EXPECT_EQ(check->entries, "7,12");
   EXPECT_EQ(check->at, UtcTime(2h));
   EXPECT_FALSE(list.hold_check("b"));
+  const auto look = list.lock_look();
+  ASSERT_TRUE(look);
+  EXPECT_EQ(look->retention, 48h);
+  EXPECT_EQ(look->after_key, "or-1/a");
+  EXPECT_EQ(std::tuple(look->looked_at, look->lengthened, look->failed), std::tuple(5U, 3U, 1U));
+  EXPECT_EQ(look->problem, "or-1/a: why");
+  EXPECT_TRUE(look->finished);
   EXPECT_EQ(list.whole("another"), "");
   EXPECT_EQ(list.totals().objects, 1U);
   EXPECT_EQ(list.totals().bytes, 4711U);

@@ -77,6 +77,20 @@ describe('The list of cases', () => {
     await again;
     expect([ids(), cases.problem.peek()]).toEqual([['d'], undefined]);
   });
+  it('is asked again when the server is back, unless it is a search, which stands in the log', async () => {
+    const { cases, ids, waiting } = catalogue();
+    expect(await cases.again()).toBe(false);
+    const all = cases.find(kAnything);
+    waiting[0]?.fail(new Error('the server does not answer'));
+    await all;
+    const again = cases.again();
+    waiting[1]?.answer(page(null, 'a'));
+    expect([await again, ids()]).toEqual([true, ['a']]);
+    const search = cases.find({ ...kAnything, patient: '12345' });
+    waiting[2]?.answer(page(null, 'b'));
+    await search;
+    expect([await cases.again(), waiting.length, ids()]).toEqual([false, 3, ['b']]);
+  });
   it('says how many cases a search could not find', async () => {
     const { cases, waiting } = catalogue();
     const search = cases.find({ ...kAnything, patient: '12345' });

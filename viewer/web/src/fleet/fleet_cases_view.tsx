@@ -1,6 +1,6 @@
 // The list of all appliances' cases, newest first; more is asked for at its end.
 import { useSignal } from '@preact/signals';
-import { useEffect, useMemo } from 'preact/hooks';
+import { useEffect, useMemo, useRef } from 'preact/hooks';
 import type { FleetAppliance, FleetCase, Verdict } from '@/api/types';
 import { hrefOf } from '@/base/route';
 import { formatBytes, formatDuration } from '@/base/time';
@@ -221,7 +221,13 @@ export function FleetCasesView({ first }: { first?: string | undefined }) {
   };
   useEffect(() => {
     void find();
-  }, [question, returns.value]);
+  }, [question]);
+  const returned = useRef(returns.peek());
+  useEffect(() => {
+    if (returned.current === returns.value) return;
+    returned.current = returns.value;
+    void cases.again();
+  }, [returns.value]);
 
   const list = cases.list.value;
   const problem = cases.problem.value;

@@ -1,7 +1,7 @@
 // The list of all appliances' cases that was asked for, and what follows it. A list stands under its own question alone.
 import { signal } from '@preact/signals';
 import type { FleetCase } from '@/api/types';
-import type { FleetQuestion } from '@/fleet/question';
+import { type FleetQuestion, isSearch } from '@/fleet/question';
 import { notifyOf, textOf } from '@/shell/state';
 
 /** What a search by patient or procedure looked at. */
@@ -51,6 +51,10 @@ export class FoundCases {
       else notifyOf(error);
       return false;
     }
+  }
+  /** The server is back. A search is asked for by a person alone, since each is entered in the server's log. */
+  async again(): Promise<boolean> {
+    return this.question !== undefined && !isSearch(this.question) && (await this.find(this.question));
   }
   async more(): Promise<void> {
     const { question } = this;
