@@ -300,13 +300,13 @@ story('A person who fits a breathing lung', (step) => {
     await surface.scrollIntoViewIfNeeded();
     const seen = () => surface.evaluate((canvas: HTMLCanvasElement) => canvas.toDataURL());
     const nodes = async (name: string) => Number(/(\d+) nodes/.exec((await page.locator('.lung-brushes label', { hasText: name }).textContent()) ?? '')?.[1]);
-    const drag = async (from: [number, number], to: [number, number]) => {
+    const drag = async (from: [number, number], ...through: [number, number][]) => {
       const box = await surface.boundingBox();
       if (!box) throw new Error('there is no surface');
       const at = ([x, y]: [number, number]) => [box.x + x * box.width, box.y + y * box.height] as const;
       await page.mouse.move(...at(from));
       await page.mouse.down();
-      await page.mouse.move(...at(to), { steps: 5 });
+      for (const place of through) await page.mouse.move(...at(place), { steps: 5 });
       await page.mouse.up();
     };
     const diaphragm = await nodes('Diaphragm');
@@ -338,7 +338,7 @@ story('A person who fits a breathing lung', (step) => {
     await expect.poll(() => nodes('Diaphragm')).toBe(left);
     // What would leave nothing that moves is not painted.
     await slider('Radius').fill('50');
-    await drag([0.3, 0.5], [0.7, 0.5]);
+    await drag([0.3, 0.5], [0.7, 0.5], [0.5, 0.25], [0.5, 0.75]);
     await page.getByText('no node would be left of this group: Diaphragm').first().waitFor();
     expect(await nodes('Diaphragm')).toBe(left);
     // By keys: the cross in the middle, from the front.
