@@ -69,11 +69,11 @@ class SimFitSeries : public ProgramTest {
                    "detector_mm": [420, 420], "gantry_deg": )" +
                    std::to_string(gantry_deg) + "}");
   }
-  void write_model(const std::string& name, double rib_cage, double diaphragm) const {
+  void write_model(const std::string& name, double rib_cage, double diaphragm, int phases = kPhases) const {
     write_text(
         folder() / name,
         R"({"mesh": "lung.msh", "length_unit": "mm", "lung": "right", "tumour": {"region": 2}, "phases": )" +
-            std::to_string(kPhases) + R"(, "breathing": {"rib_cage": {"amplitude": )" +
+            std::to_string(phases) + R"(, "breathing": {"rib_cage": {"amplitude": )" +
             std::to_string(rib_cage) + R"(}, "diaphragm": {"amplitude": )" + std::to_string(diaphragm) +
             R"(, "phase_s": 0.6}}})");
   }
@@ -143,7 +143,9 @@ class CompareBreathing : public SimFitSeries {
     make_demo_home();
     write_model("planned.json", 2.5, 5);
     sealed_ = kiroku_json({"plan", "seal", "planned.json", "--json"})["sha256"];
-    ASSERT_EQ(kiroku({"sim", "respire", "truth.json", "-o", "breathing"}).status, 0);
+    // Of the film's ten pictures a second a breath has 36.
+    write_model("deep.json", 2.5, 9, 36);
+    ASSERT_EQ(kiroku({"sim", "respire", "deep.json", "-o", "breathing"}).status, 0);
     const ProcessResult film =
         kiroku({"sim", "drr-film", "ct.mha", "-g", "front.json", "--mesh", "lung.msh", "--frames",
                 "breathing", "--repeat", "3", "--polarity", "bone-black", "-o", "fluoroscopy.mkv"});
