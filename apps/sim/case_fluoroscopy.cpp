@@ -42,7 +42,7 @@ FoundFluoroscopy find_case_fluoroscopy(const Home& home, const CaseFluoroscopyRe
                      ": give --home, or a film of it by --radiographs");
   }
   archive::CaseReader recording = archive::CaseReader::open(folder);
-  std::string stream = compare::fluoroscopy_of(recording, request.stream, "--stream");
+  std::string stream = compare::fluoroscopy_of(recording, request.stream, request.stream_option);
   return {std::move(recording), std::move(stream)};
 }
 

@@ -19,6 +19,7 @@ struct CaseFluoroscopyRequest {
   std::optional<std::string> polarity;          // "bone-black" if absent, as a fluoroscope shows it
   double most_a_second = 5;                     // pictures that are taken
   std::vector<std::string> identities;          // files; none: a demonstration home's own
+  std::string stream_option = "--stream";       // by which the stream is asked for
 };
 
 struct CaseFluoroscopy {

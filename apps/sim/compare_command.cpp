@@ -15,7 +15,7 @@ void add_compare_command(Command& program) {
   Command& command = program.add_command("compare", "shows a plan beside the recording of the operation");
   const auto request = std::make_shared<ComparisonRequest>();
   command.argument("CASE", request->named, "case folder, or identifier of a case in the home's archive");
-  command.argument("PLAN", request->plan, "the plan (.json), or the sealed plan (.seal.json)");
+  command.argument("PLAN", request->plan, "the plan or the breathing lung (.json), or its seal (.seal.json)");
   command.option("-o,--output", "OUT", request->output,
                  "where to: .mp4 (a film of both), .html (a page with figures and pictures), .json (figures)",
                  "kept in the home, where kiroku view shows it in the case");
@@ -122,6 +122,15 @@ void add_compare_command(Command& program) {
       "self-issued "
       "(then a warning says so) or not, 3 made without a time-stamp; "
       "with --verify 0 all holds, 1 something differs, 3 something could not be checked.");
+  command.explain(
+      "A breathing lung is compared with the case's fluoroscopy: how the pictures say that it breathed, when "
+      "the plan's breath began in them, and in each picture how far the tumour was seen from where the plan "
+      "has it, across the ray. It takes --volume, --geometry (else STREAM.geometry.json of the home), "
+      "--fluoroscopy, --from, --to and --polarity, and -o OUT.json. A series in which no breathing is found "
+      "is refused, with the numbers.");
+  command.example(
+      "kiroku compare 20260805T091502Z-3f9c21ab lung.seal.json --volume ct/ -g c-arm.json -o lung.json",
+      "did the lung breathe as it was planned?");
   command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json",
                   "for the viewer: the plan beside the recording, in step");
   command.example("kiroku compare 20260805T091502Z-3f9c21ab liver.seal.json -o liver.html",

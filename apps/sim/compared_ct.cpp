@@ -26,7 +26,7 @@ std::vector<crypto::Sha256Digest> hashes_of_volume(const std::vector<SealedFile>
 
 }  // namespace
 
-std::optional<compare::ComparedCt> compared_ct(const ComparisonRequest& request, const PlanAtHand& at_hand) {
+std::optional<compare::ComparedCt> compared_ct(const ComparisonRequest& request, const FilesAtHand& at_hand) {
   compare::ComparedCt ct;
   ct.series = request.series.value_or("");
   const std::vector<crypto::Sha256Digest> of_plan = hashes_of_volume(at_hand.files.files);
@@ -45,11 +45,11 @@ std::optional<compare::ComparedCt> compared_ct(const ComparisonRequest& request,
   return ct;
 }
 
-PatientNumbers patient_numbers(const ComparisonRequest& request, const PlanAtHand& at_hand,
+PatientNumbers patient_numbers(const ComparisonRequest& request, const fs::path& ct_of_plan,
                                const archive::CaseReader& recording,
                                const crypto::AgeIdentities& identities) {
   PatientNumbers numbers;
-  const fs::path ct = request.volume ? fs::path(*request.volume) : at_hand.plan.volume;
+  const fs::path ct = request.volume ? fs::path(*request.volume) : ct_of_plan;
   try {
     if (!ct.empty()) numbers.ct = patients_of_ct(ct, request.series.value_or(""));
   } catch (const Error&) {

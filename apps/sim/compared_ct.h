@@ -1,6 +1,7 @@
 // Which CT a comparison shows, and whose it is. Not thread-safe.
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 
@@ -16,14 +17,14 @@ namespace kiroku::apps {
 /// The plan's own, or the one asked for where the plan has none; nothing where there is neither.
 /// kiroku::UsageError where another one is asked for than the plan has: a seal states the CT by its hash, and
 /// another one beside the recording would be taken for what was planned on.
-std::optional<compare::ComparedCt> compared_ct(const ComparisonRequest& request, const PlanAtHand& at_hand);
+std::optional<compare::ComparedCt> compared_ct(const ComparisonRequest& request, const FilesAtHand& at_hand);
 
 /// The patients' numbers that the CT and the case state. Empty where none is known: the CT is no DICOM,
-/// nothing is sealed in the case or the identities do not open it.
+/// nothing is sealed in the case or the identities do not open it. `ct_of_plan`: empty where it names none.
 struct PatientNumbers {
   PatientIds ct, of_case;
 };
-PatientNumbers patient_numbers(const ComparisonRequest& request, const PlanAtHand& at_hand,
+PatientNumbers patient_numbers(const ComparisonRequest& request, const std::filesystem::path& ct_of_plan,
                                const archive::CaseReader& recording, const crypto::AgeIdentities& identities);
 
 }  // namespace kiroku::apps

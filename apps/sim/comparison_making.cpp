@@ -3,67 +3,39 @@
 #include <filesystem>
 
 #include "apps/common/file.h"
-#include "apps/common/version.h"
 #include "apps/kiroku/commands.h"
 #include "apps/kiroku/home.h"
 #include "apps/kiroku/plan_seal.h"
-#include "apps/kiroku/recording_setup.h"
-#include "apps/kiroku/stamped_file.h"
 #include "apps/kiroku/standing_consents.h"
-#include "apps/kiroku/user_name.h"
+#include "apps/sim/breathing_comparing.h"
 #include "apps/sim/compared_ct.h"
 #include "apps/sim/comparison_films.h"
 #include "apps/sim/comparison_outputs.h"
 #include "apps/sim/comparison_progress.h"
+#include "apps/sim/comparison_sealing.h"
 #include "apps/sim/comparison_telling.h"
 #include "apps/sim/keeping.h"
 #include "apps/sim/number_option.h"
 #include "apps/sim/plan_at_hand.h"
-#include "base/descriptor.h"
 #include "base/error.h"
-#include "crypto/remote_identity.h"
 #include "viewer/compare/comparison_document.h"
 #include "viewer/compare/paired_pictures.h"
-#include "viewer/kept/log_of_case.h"
 
 namespace kiroku::apps {
 namespace {
 
 namespace fs = std::filesystem;
 
-compare::NamedFile named(const SealedFile& file) { return {file.role, file.name, file.bytes, file.sha256}; }
-
-/// Hash into the log, tokens beside the document.
-std::vector<Stamp> seal_document(const ComparisonRequest& request, const Home& home,
-                                 const std::string& case_id, const fs::path& document,
-                                 const crypto::Sha256Digest& digest) {
-  const Authorities authorities(home, home.configuration(), request.authorities);
-  const WritableHome writable(home);
-  // Where a program makes it for a person, this machine's user alone would say little.
-  const std::string who = user_name() + (request.asked_by ? " for " + *request.asked_by : "");
-  writable.log->access(case_id, compare::comparison_deed(digest), who);
-  std::vector<Stamp> stamps;
-  for (const recorder::NamedAuthority& authority : authorities.named()) {
-    stamps.push_back(stamp_file(authority, document, digest, writable.trust));
-  }
-  return stamps;
-}
-
 MadeComparison write_document(const ComparisonRequest& request, const std::optional<Home>& home,
                               const archive::CaseReader& recording, const compare::Comparison& comparison,
                               const PlanAtHand& at_hand, const compare::Provenance& made, Keeping* keeping) {
-  MadeComparison result;
   const std::string text = compare::comparison_json(comparison, at_hand.plan, made);
+  if (keeping == nullptr) return write_sealed(request, home, recording, text);
+  MadeComparison result;
   result.digest = crypto::sha256(bytes_of(text));
-  if (keeping != nullptr) {
-    result.document = keeping->place().document();
-    keeping->keep_document(text);
-    if (at_hand.sealed) keeping->keep_tokens_of(at_hand.seal_file);
-  } else {
-    result.document = document_of(*request.output);
-    remove_tokens(result.document);
-    write_output(result.document, bytes_of(text), request.force);
-  }
+  result.document = keeping->place().document();
+  keeping->keep_document(text);
+  if (at_hand.sealed) keeping->keep_tokens_of(at_hand.seal_file);
   result.in_log = home && home->holds(recording.folder());
   if (result.in_log) {
     result.stamps =
@@ -198,24 +170,6 @@ std::uint64_t keep_plan_films(const ComparisonRequest& request, Keeping& keeping
   return count;
 }
 
-compare::Provenance provenance_of(const ComparisonRequest& request, const archive::CaseReader& recording,
-                                  const PlanAtHand& at_hand, std::optional<compare::ComparedCt> ct,
-                                  const PatientNumbers& numbers) {
-  compare::Provenance made;
-  made.made_by = request.made_by.value_or(user_name());
-  made.made_at = std::chrono::floor<std::chrono::microseconds>(std::chrono::system_clock::now());
-  made.program = std::string("kiroku ") + kVersion;
-  made.case_state = compare::state_of(recording.folder());
-  made.plan = at_hand.plan.name;
-  made.plan_seal = at_hand.seal;
-  made.plan_sealed = at_hand.sealed;
-  for (const SealedFile& file : at_hand.files.files) made.plan_files.push_back(named(file));
-  if (recording.opening().plan) made.case_names_plan = *recording.opening().plan == at_hand.seal;
-  made.ct = std::move(ct);
-  made.of_one_patient = are_of_one_patient(numbers.ct, numbers.of_case);
-  return made;
-}
-
 compare::ByHand by_hand_of(const ComparisonRequest& request, const archive::CaseReader& recording,
                            const sim::Plan& plan) {
   if (!request.by_hand) return {};
@@ -223,12 +177,6 @@ compare::ByHand by_hand_of(const ComparisonRequest& request, const archive::Case
   const bool piped = *request.by_hand == "-";
   const Bytes text = read_small_file(piped ? "/dev/stdin" : *request.by_hand, what);
   return compare::read_by_hand(text_of(text), piped ? what : *request.by_hand, recording, plan);
-}
-
-crypto::AgeIdentities identities_of(const ComparisonRequest& request, const std::optional<Home>& home) {
-  if (!request.identity_socket) return load_identities(request.identities, home);
-  const double number = parse_number(*request.identity_socket, "--identity-socket", 3, 1 << 20);
-  return {crypto::remote_identity(Descriptor(static_cast<int>(number)))};
 }
 
 void require_alignment_options(const ComparisonRequest& request) {
@@ -281,6 +229,7 @@ void require_fluoroscopy_options(const ComparisonRequest& request) {
 int make_comparison(const ComparisonRequest& request) {
   if (!request.named || !request.plan)
     throw UsageError("name the case and the plan: kiroku compare CASE PLAN -o OUT.html");
+  if (is_breathing(*request.plan)) return make_breathing_comparison(request);
   require_fluoroscopy_options(request);
   require_alignment_options(request);
   const std::optional<compare::UsedLens> lens = alignment_lens(request);
@@ -333,7 +282,7 @@ int make_comparison(const ComparisonRequest& request) {
       return kDone;
     }
   }
-  const PatientNumbers numbers = patient_numbers(request, *at_hand, recording, identities);
+  const PatientNumbers numbers = patient_numbers(request, at_hand->plan.volume, recording, identities);
   compare::Provenance made = provenance_of(request, recording, *at_hand, std::move(compared), numbers);
   add_alignment(request, from, comparison, told);
   add_fluoroscopy(request, from, comparison, told);

@@ -17,9 +17,9 @@ std::optional<sim::Plan> read_plan_and_tell(const std::string& file, bool json) 
   if (sim::kind_of_plan(file) == sim::PlanKind::kBreathing) {
     throw UsageError(
         file +
-        " is a breathing lung, which has no steps to carry out or to find in a case: 'kiroku sim respire' "
-        "computes it, and 'kiroku respire serve --radiographs' lays it beside a case's fluoroscopy that "
-        "'kiroku export' wrote, with the error of each picture");
+        " is a breathing lung, which has no steps to carry out: 'kiroku sim respire' computes it, 'kiroku "
+        "compare' lays it beside a case's fluoroscopy, and 'kiroku respire serve --case' shows both on a "
+        "page");
   }
   sim::PlanReading reading = [&] {
     StepLine line;

@@ -1,5 +1,6 @@
 #include "sim/respiration/breathing_model.h"
 
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -209,6 +210,20 @@ nlohmann::ordered_json motion_json(const GroupMotion& motion, double units) {
   return object;
 }
 
+/// What 'groups' must say beyond what it says, after which the model's are these.
+nlohmann::ordered_json changes_of_groups(const BoundaryGroups& from, const BoundaryGroups& to) {
+  std::array<std::vector<std::size_t>, kBoundaryGroups> nodes;
+  for (std::size_t node = 0; node < from.size(); ++node) {
+    if (from[node] != to[node]) nodes[static_cast<std::size_t>(to[node])].push_back(node);
+  }
+  nlohmann::ordered_json changes = nlohmann::ordered_json::array();
+  for (std::size_t group = 1; group < nodes.size(); ++group) {
+    if (!nodes[group].empty())
+      changes.push_back({{"group", name_of(static_cast<BoundaryGroup>(group))}, {"nodes", nodes[group]}});
+  }
+  return changes;
+}
+
 }  // namespace
 
 const Tumour& BreathingModel::needed_tumour() const {
@@ -256,7 +271,8 @@ std::vector<fs::path> files_of(const BreathingModel& model, const fs::path& file
 }
 
 std::string with_motion(const BreathingModel& model, const fs::path& file, const BreathingMotion& motion,
-                        const fs::path& folder, std::optional<double> cycle_s) {
+                        const fs::path& folder, std::optional<double> cycle_s,
+                        const std::optional<BoundaryGroups>& groups) {
   nlohmann::ordered_json document = nlohmann::ordered_json::parse(model.document);
   const double units = document.at("length_unit") == "m" ? 1 : units_per_metre(LengthUnit::kMillimetre);
   for (nlohmann::ordered_json* name : names_of_files(document)) {
@@ -268,6 +284,11 @@ std::string with_motion(const BreathingModel& model, const fs::path& file, const
   if (cycle_s) breathing["cycle_s"] = *cycle_s;
   breathing["rib_cage"] = motion_json(motion.rib_cage, units);
   breathing["diaphragm"] = motion_json(motion.diaphragm, units);
+  if (groups) {
+    // After what is said already: later entries count.
+    for (nlohmann::ordered_json& change : changes_of_groups(model.groups, *groups))
+      document["groups"].push_back(std::move(change));
+  }
   constexpr int kIndent = 1;
   return document.dump(kIndent) + "\n";
 }

@@ -52,9 +52,10 @@ BreathingModel read_breathing_model(const std::filesystem::path& file);
 std::vector<std::filesystem::path> files_of(const BreathingModel& model, const std::filesystem::path& file);
 
 /// The document of a model that was read from `file`, as it was then, with another motion, for a file in
-/// `folder`: the files that it names are named from there. `cycle_s` replaces the cycle of a sine.
+/// `folder`: the files that it names are named from there. `cycle_s` replaces the cycle of a sine. `groups`
+/// (|V|; the model's own if absent): where they differ from the model's the document says so by nodes.
 std::string with_motion(const BreathingModel& model, const std::filesystem::path& file,
                         const BreathingMotion& motion, const std::filesystem::path& folder,
-                        std::optional<double> cycle_s = {});
+                        std::optional<double> cycle_s = {}, const std::optional<BoundaryGroups>& groups = {});
 
 }  // namespace kiroku::sim

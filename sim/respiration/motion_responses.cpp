@@ -29,13 +29,17 @@ std::array<double, kUnitMotions> parts_of(const BreathingMotion& motion, const W
   return parts;
 }
 
-MotionResponses::MotionResponses(const BreathingBody& body, const std::function<void(std::size_t)>& solved) {
-  const auto counts = counts_of(body.groups());
+void require_moved(const BoundaryGroups& groups) {
+  const auto counts = counts_of(groups);
   for (const BoundaryGroup group : kMoved) {
     if (counts[static_cast<std::size_t>(group)] > 0) continue;
     throw Error(std::string("no node of the lung is of the group ") + name_of(group) +
                 ", so that it cannot be moved: give it some in 'groups', or take back what took them away");
   }
+}
+
+MotionResponses::MotionResponses(const BreathingBody& body, const std::function<void(std::size_t)>& solved) {
+  require_moved(body.groups());
   std::size_t at = 0;
   for (const BoundaryGroup group : kMoved) {
     for (Eigen::Index axis = 0; axis < 3; ++axis) {

@@ -18,11 +18,14 @@ inline constexpr std::size_t kUnitMotions = 8;
 std::array<double, kUnitMotions> parts_of(const BreathingMotion& motion, const Waveform& waveform,
                                           double time_s);
 
+/// kiroku::Error in one sentence where rib cage or diaphragm has no node.
+void require_moved(const BoundaryGroups& groups);
+
 /// Immutable, thread-safe.
 class MotionResponses {
  public:
-  /// Solves for all unit motions, on the body's factor. kiroku::Error where rib cage or diaphragm has no
-  /// node: nothing would move. `solved` hears how many of kUnitMotions are there.
+  /// Solves for all unit motions, on the body's factor. What require_moved() throws. `solved` hears how many
+  /// of kUnitMotions are there.
   explicit MotionResponses(const BreathingBody& body, const std::function<void(std::size_t)>& solved = {});
 
   /// What each node is displaced by, (|V|), m, as BreathingCycle::displacement_m() is.

@@ -39,7 +39,7 @@ void measure_parts(const viewer::BreathingBench& bench) {
     viewer::MotionDeed motion = bench.own_motion();
     const auto moved_m = [&](int i) {
       motion.motion.diaphragm.amplitude_m = 1e-3 * i;
-      return bench.responses().displacement_m(motion.motion, bench.model().waveform, 0.5);
+      return bench.own_lung()->responses.displacement_m(motion.motion, bench.model().waveform, 0.5);
     };
     const double sum_ms = timed_ms([&](int i) { static_cast<void>(moved_m(i)); });
     const double drr_ms = timed_ms([&](int i) { static_cast<void>(bench.drr(factor, moved_m(i))); });
@@ -75,6 +75,10 @@ void measure(const viewer::BreathingBench& bench, const char* what, sim::Overlay
   listener.moved = [](const viewer::BreathingTable& table) { static_cast<void>(viewer::path_json(table)); };
   listener.measured = [](const viewer::BreathingTable& /*table*/) {};
   listener.told = [](const std::string& sentence) { std::fprintf(stderr, "%s\n", sentence.c_str()); };
+  listener.refused = [](const std::string& sentence, std::uint64_t /*input*/,
+                        const viewer::BreathingTable& /*table*/) {
+    std::fprintf(stderr, "%s\n", sentence.c_str());
+  };
   listener.failed = [&](const std::string& sentence) {
     std::fprintf(stderr, "%s\n", sentence.c_str());
     failed = true;

@@ -292,6 +292,81 @@ story('A person who fits a breathing lung', (step) => {
     await expect.poll(clock).toBe('0.00 s · 1/12');
   });
 
+  step('turns the lung, paints and erases its groups, and saves what was painted', async () => {
+    const { page } = visitor;
+    await page.getByText('Groups of the surface').click();
+    const surface = page.locator('.lung-surface');
+    await surface.waitFor();
+    await surface.scrollIntoViewIfNeeded();
+    const seen = () => surface.evaluate((canvas: HTMLCanvasElement) => canvas.toDataURL());
+    const nodes = async (name: string) => Number(/(\d+) nodes/.exec((await page.locator('.lung-brushes label', { hasText: name }).textContent()) ?? '')?.[1]);
+    const drag = async (from: [number, number], ...through: [number, number][]) => {
+      const box = await surface.boundingBox();
+      if (!box) throw new Error('there is no surface');
+      const at = ([x, y]: [number, number]) => [box.x + x * box.width, box.y + y * box.height] as const;
+      await page.mouse.move(...at(from));
+      await page.mouse.down();
+      for (const place of through) await page.mouse.move(...at(place), { steps: 5 });
+      await page.mouse.up();
+    };
+    const diaphragm = await nodes('Diaphragm');
+    const free = await nodes('Erase');
+    expect(diaphragm).toBeGreaterThan(10);
+    expect(await seriousBarriers(page)).toEqual([]);
+    // Without a brush a drag turns, and paints nothing.
+    const front = await seen();
+    await drag([0.5, 0.5], [0.6, 0.4]);
+    await expect.poll(seen).not.toBe(front);
+    expect(await nodes('Diaphragm')).toBe(diaphragm);
+    // From the feet the diaphragm is what is seen: a stroke across it erases a part of it.
+    await page.getByRole('button', { name: 'Feet' }).click();
+    await page.getByLabel('Erase').check();
+    await slider('Radius').fill('10');
+    const shown = await picture();
+    await drag([0.4, 0.5], [0.5, 0.5]);
+    await expect.poll(() => nodes('Diaphragm')).toBeLessThan(diaphragm);
+    const left = await nodes('Diaphragm');
+    expect(left).toBeGreaterThan(0);
+    expect(await nodes('Erase')).toBe(free + diaphragm - left);
+    await expect.poll(() => page.locator('.lung-group legend', { hasText: 'Diaphragm' }).textContent()).toContain(`${left} nodes`);
+    await expect.poll(picture).not.toBe(shown);
+    await keepPicture(page, 'breathing-painted');
+    // A stroke is one step.
+    await page.keyboard.press('Control+z');
+    await expect.poll(() => nodes('Diaphragm')).toBe(diaphragm);
+    await page.keyboard.press('Control+Shift+z');
+    await expect.poll(() => nodes('Diaphragm')).toBe(left);
+    // What would leave nothing that moves is not painted.
+    await slider('Radius').fill('50');
+    await drag([0.3, 0.5], [0.7, 0.5], [0.5, 0.25], [0.5, 0.75]);
+    await page.getByText('no node would be left of this group: Diaphragm').first().waitFor();
+    expect(await nodes('Diaphragm')).toBe(left);
+    // By keys: the cross in the middle, from the front.
+    await page.getByRole('button', { name: 'Front' }).click();
+    await page.getByLabel('Hilum').check();
+    const hilum = await nodes('Hilum');
+    await slider('Radius').fill('8');
+    await surface.focus();
+    await page.keyboard.press('ArrowLeft');
+    await page.keyboard.press('Enter');
+    await expect.poll(() => nodes('Hilum')).toBeGreaterThan(hilum);
+    await page.getByLabel('As the model had it').check();
+    await surface.focus();
+    await page.keyboard.press('Enter');
+    await expect.poll(() => nodes('Hilum')).toBe(hilum);
+    await page.keyboard.press('Control+s');
+    await page.getByLabel('File, without .json').fill('painted');
+    await page.getByRole('button', { name: 'Save', exact: true }).click();
+    await page.getByText('Saved as painted.json.').first().waitFor();
+    const saved = JSON.parse(readFileSync(file('painted.json'), 'utf8')) as { groups: { group: string; nodes: number[] }[] };
+    expect(saved.groups.map(({ group, nodes: of }) => [group, of.length])).toEqual([['free', diaphragm - left]]);
+    const { stdout } = await run(kiroku, ['sim', 'respire', file('painted.json'), '-o', file('painted')]);
+    expect(stdout).toContain(`diaphragm ${left},`);
+    for (let i = 0; i < 3; ++i) await page.getByRole('button', { name: 'Undo' }).click();
+    await expect.poll(() => nodes('Diaphragm')).toBe(diaphragm);
+    await page.getByText('Groups of the surface').click();
+  });
+
   step('saves a model that breathes as the page shows it, and never over another', async () => {
     const { page } = visitor;
     await page.keyboard.press('Control+s');

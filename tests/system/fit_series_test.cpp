@@ -1,4 +1,4 @@
-// 'kiroku sim fit-series' as a person calls it.
+// 'kiroku sim fit-series' as a person calls it, and 'kiroku compare' of a lung that breathes.
 #include <cmath>
 
 #include "tests/system/program_test.h"
@@ -69,11 +69,11 @@ class SimFitSeries : public ProgramTest {
                    "detector_mm": [420, 420], "gantry_deg": )" +
                    std::to_string(gantry_deg) + "}");
   }
-  void write_model(const std::string& name, double rib_cage, double diaphragm) const {
+  void write_model(const std::string& name, double rib_cage, double diaphragm, int phases = kPhases) const {
     write_text(
         folder() / name,
         R"({"mesh": "lung.msh", "length_unit": "mm", "lung": "right", "tumour": {"region": 2}, "phases": )" +
-            std::to_string(kPhases) + R"(, "breathing": {"rib_cage": {"amplitude": )" +
+            std::to_string(phases) + R"(, "breathing": {"rib_cage": {"amplitude": )" +
             std::to_string(rib_cage) + R"(}, "diaphragm": {"amplitude": )" + std::to_string(diaphragm) +
             R"(, "phase_s": 0.6}}})");
   }
@@ -134,6 +134,92 @@ TEST_F(SimFitSeries, RefusesWhatDoesNotFit) {
                  "detector_mm": [420, 420]})");
   EXPECT_REFUSED(kiroku(fit({"-g", "small.json"})),
                  "00000.png has 128 x 128 pixels, small.json says 64 x 64");
+}
+
+/// A breath that was planned and sealed, and the fluoroscopy of a deeper one, recorded by that plan.
+class CompareBreathing : public SimFitSeries {
+ protected:
+  void SetUp() override {
+    make_demo_home();
+    write_model("planned.json", 2.5, 5);
+    sealed_ = kiroku_json({"plan", "seal", "planned.json", "--json"})["sha256"];
+    // Of the film's ten pictures a second a breath has 36.
+    write_model("deep.json", 2.5, 9, 36);
+    ASSERT_EQ(kiroku({"sim", "respire", "deep.json", "-o", "breathing"}).status, 0);
+    const ProcessResult film =
+        kiroku({"sim", "drr-film", "ct.mha", "-g", "front.json", "--mesh", "lung.msh", "--frames",
+                "breathing", "--repeat", "3", "--polarity", "bone-black", "-o", "fluoroscopy.mkv"});
+    ASSERT_EQ(film.status, 0) << film.err;
+    case_ = kiroku_json({"record", "--json", "--fluoroscopy", "fluoroscopy.mkv?speed=max", "--profile",
+                         "lossless", "--duration", "00:00:09", "--plan", "planned.seal.json"})["case"]
+                .get<std::string>();
+  }
+  [[nodiscard]] Arguments compare(const Arguments& more) const {
+    Arguments words{"compare", case_.string(), "planned.seal.json", "-g", "front.json"};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+
+  std::filesystem::path case_;
+  std::string sealed_;
+};
+
+TEST_F(CompareBreathing, TellsHowFarTheTumourWasFromItsPlanAndSealsThat) {
+  const nlohmann::json told =
+      kiroku_json(compare({"--volume", "ct.mha", "-o", "out.json", "--made-by", "Dr. Sato", "--json"}));
+  EXPECT_EQ(told["case_names_plan"], true);
+  EXPECT_THAT(told["cautions"].dump(), HasSubstr("The CT shown is not part of the plan: ct.mha"));
+  const nlohmann::json document = nlohmann::json::parse(read_text(folder() / "out.json"));
+  EXPECT_EQ(document["format"], "kiroku-comparison/1");
+  EXPECT_EQ(document["plan"]["seal"], sealed_);
+  EXPECT_EQ(document["plan"]["sealed"], true);
+  EXPECT_EQ(document["case"]["stream"], "fluoroscopy");
+  EXPECT_EQ(document["ct"]["files"][0]["name"], "ct.mha");
+  const nlohmann::json& breathing = document["breathing"];
+  EXPECT_EQ(breathing["geometry"]["name"], "front.json");
+  EXPECT_EQ(breathing["planned"]["diaphragm"]["amplitude_mm"], 5);
+  EXPECT_NEAR(breathing["found"]["diaphragm"]["amplitude_mm"].get<double>(), 9, 1.5);
+  EXPECT_GT(breathing["errors"]["diaphragm"]["amplitude_mm"], 0);
+  EXPECT_NEAR(breathing["found"]["cycle_s"].get<double>(), 3.6, 0.1);
+  const std::size_t pictures = breathing["radiographs"].size();
+  EXPECT_GE(pictures, 25U);
+  EXPECT_GT(breathing["tumour"]["seen"], pictures / 2);
+  // The tumour goes with the diaphragm: some four millimetres more at the end of a breath, none in its
+  // middle.
+  EXPECT_GT(breathing["tumour"]["largest_mm"], 1.5);
+  EXPECT_LT(breathing["tumour"]["largest_mm"], 5);
+  EXPECT_GT(breathing["similarity"]["found"], breathing["similarity"]["planned"]);
+  EXPECT_THAT(kiroku_json({"log", "--json"}).dump(),
+              HasSubstr("document sha256 " + told["sha256"].get<std::string>()));
+  // It is checked as any comparison is.
+  const nlohmann::json held =
+      kiroku_json({"compare", case_.string(), "planned.seal.json", "--verify", "out.json", "--json"});
+  for (const nlohmann::json& check : held["checks"]) EXPECT_EQ(check["answer"], "holds") << check.dump();
+  EXPECT_EQ(kiroku_json({"verify", case_.string(), "--json"})["verdict"], "intact");
+  EXPECT_REFUSED(kiroku(compare({"--volume", "ct.mha", "-o", "out.json"})), "is already there");
+  // For people.
+  const ProcessResult said = kiroku(compare({"--volume", "ct.mha", "-o", "again.json"}));
+  EXPECT_EQ(said.status, 0) << said.err;
+  EXPECT_THAT(said.out, HasSubstr("from where the plan has it on average, 95 % within"));
+  EXPECT_THAT(said.out, HasSubstr("diaphragm, amplitude, mm"));
+}
+
+TEST_F(CompareBreathing, SaysWhatIsMissingAndWhatIsOfOperations) {
+  EXPECT_REFUSED(kiroku(compare({"-o", "out.json"})), "name the CT that it lies in with --volume");
+  EXPECT_REFUSED(kiroku(compare({"--volume", "ct.mha"})), "say where to with -o OUT.json");
+  EXPECT_REFUSED(kiroku(compare({"--volume", "ct.mha", "-o", "out.mp4"})), "say where to with -o OUT.json");
+  EXPECT_REFUSED(kiroku(compare({"--volume", "ct.mha", "-o", "out.json", "--align", "auto"})),
+                 "leave --align out");
+  EXPECT_REFUSED(kiroku({"compare", case_.string(), "planned.json", "--volume", "ct.mha", "-o", "out.json"}),
+                 "nothing says how the fluoroscope of 'fluoroscopy' saw the patient");
+  const ProcessResult few = kiroku(compare({"--volume", "ct.mha", "-o", "out.json", "--to", "00:00:01"}));
+  EXPECT_NE(few.status, 0);
+  EXPECT_THAT(few.err, HasSubstr("8 at least"));
+  // What was sealed is another by now.
+  write_model("planned.json", 2.5, 9);
+  EXPECT_THAT(kiroku(compare({"--volume", "ct.mha", "-o", "out.json"})).err,
+              HasSubstr("the plan is not the one that was sealed"));
+  EXPECT_FALSE(std::filesystem::exists(folder() / "out.json"));
 }
 
 }  // namespace

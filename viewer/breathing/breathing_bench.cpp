@@ -65,14 +65,10 @@ BreathingBench::BreathingBench(BenchInputs inputs, const std::function<void(cons
   const sim::Tumour& tumour = model_.needed_tumour();
   check_radiographs(radiographs_, inputs.geometry);
   tell("solving for how the lung moves");
-  {
-    const sim::BreathingBody body(model_.mesh, model_.materials, model_.groups, model_.slide);
-    responses_ = std::make_unique<sim::MotionResponses>(body);
-  }
-  const sim::MeshPoint centre = sim::centre_of(model_.mesh, tumour);
+  surface_ = sim::surface_of(model_.mesh);
+  lung_ = solve(model_.groups);
   tumour_region_ = model_.mesh.regions[tumour.tetrahedra.front()];
-  tumour_m_ = centre.mean(model_.mesh.nodes);
-  tumour_ = responses_->at(centre);
+  tumour_m_ = sim::centre_of(model_.mesh, tumour).mean(model_.mesh.nodes);
   tell("projecting the CT");
   ct_ = std::make_shared<sim::CtProjector>(inputs.volume, sim::Attenuation(sim::Attenuation::kCtEnergyKev));
   mesh_ = std::make_shared<sim::MeshProjector>(*ct_, model_.mesh);
@@ -95,8 +91,34 @@ void BreathingBench::require_memory_for(std::size_t radiograph_bytes) {
 
 bool BreathingBench::can_fit() const { return radiographs_.size() >= sim::kLeastMoments; }
 
+sim::BoundaryGroups BreathingBench::groups_of(const sim::BoundaryGroups& of_surface) const {
+  if (of_surface.size() != surface_.nodes.size()) {
+    throw Error("the groups are of a surface of " + std::to_string(of_surface.size()) +
+                " nodes, this lung's has " + std::to_string(surface_.nodes.size()) + ": load the page again");
+  }
+  sim::BoundaryGroups groups = model_.groups;
+  for (std::size_t row = 0; row < of_surface.size(); ++row) groups[surface_.nodes[row]] = of_surface[row];
+  sim::require_moved(groups);
+  return groups;
+}
+
+std::shared_ptr<const GroupedLung> BreathingBench::solve(const sim::BoundaryGroups& groups) const {
+  const sim::BreathingBody body(model_.mesh, model_.materials, groups, model_.slide);
+  sim::MotionResponses responses(body);
+  const sim::MotionResponses::Place tumour =
+      responses.at(sim::centre_of(model_.mesh, model_.needed_tumour()));
+  return std::make_shared<const GroupedLung>(GroupedLung{groups, std::move(responses), tumour});
+}
+
+std::shared_ptr<const GroupedLung> BreathingBench::lung_of(const MotionDeed& motion) const {
+  if (!motion.surface_groups) return lung_;
+  const sim::BoundaryGroups groups = groups_of(*motion.surface_groups);
+  return groups == model_.groups ? lung_ : solve(groups);
+}
+
 sim::BreathingModel BreathingBench::model_with(const MotionDeed& motion) const {
   sim::BreathingModel model = model_;
+  if (motion.surface_groups) model.groups = groups_of(*motion.surface_groups);
   model.motion = motion.motion;
   model.waveform = waveform_of(motion);
   return model;
@@ -150,6 +172,8 @@ std::vector<sim::PixelLine> BreathingBench::outline(std::size_t factor,
 std::string BreathingBench::save(const std::string& name, const MotionDeed& motion) const {
   check_new_file_name(name, "a model");
   static_cast<void>(waveform_of(motion));
+  std::optional<sim::BoundaryGroups> groups;
+  if (motion.surface_groups) groups = groups_of(*motion.surface_groups);
   const fs::path folder = fs::absolute(file_).parent_path(), file = folder / (name + ".json");
   if (std::error_code ignored; fs::exists(file, ignored))
     throw Refusal(409, "there is a file '" + name + ".json' already: save it under another name");
@@ -167,7 +191,7 @@ std::string BreathingBench::save(const std::string& name, const MotionDeed& moti
                              "what is saved: start the workbench anew");
     }
   }
-  const std::string text = sim::with_motion(model_, file_, motion.motion, folder, motion.cycle_s);
+  const std::string text = sim::with_motion(model_, file_, motion.motion, folder, motion.cycle_s, groups);
   require_disk_room(folder, text.size(), "remove models that nobody needs");
   constexpr mode_t kMode = 0640;
   timestamp::write_new_file(file, bytes_of(text), kMode);

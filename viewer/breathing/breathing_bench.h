@@ -53,6 +53,13 @@ struct BenchInputs {
   std::optional<BenchRecording> recording = {};  // nothing: they are of no case
 };
 
+/// How a lung answers its groups' motion. Immutable, thread-safe.
+struct GroupedLung {
+  sim::BoundaryGroups groups;  // (|V|)
+  sim::MotionResponses responses;
+  sim::MotionResponses::Place tumour;  // its centre's
+};
+
 class BreathingBench {
  public:
   /// So much memory radiographs may take, as floats.
@@ -67,7 +74,16 @@ class BreathingBench {
 
   [[nodiscard]] const std::filesystem::path& file() const { return file_; }
   [[nodiscard]] const sim::BreathingModel& model() const { return model_; }
-  [[nodiscard]] const sim::MotionResponses& responses() const { return *responses_; }
+  /// By the model's groups.
+  [[nodiscard]] const std::shared_ptr<const GroupedLung>& own_lung() const { return lung_; }
+  /// By those of a motion, solved for anew where they differ from the model's; takes about as long as opening
+  /// the lung did. kiroku::Error in one sentence where they are not as many as the surface has nodes, none
+  /// moves, or nothing holds the lung.
+  [[nodiscard]] std::shared_ptr<const GroupedLung> lung_of(const MotionDeed& motion) const;
+  [[nodiscard]] const sim::LungSurface& surface() const { return surface_; }
+  /// Groups of a surface of more nodes are changed in the document alone.
+  static constexpr std::size_t kMostPaintedNodes = 20'000;
+  [[nodiscard]] bool may_paint() const { return surface_.nodes.size() <= kMostPaintedNodes; }
   [[nodiscard]] const std::vector<BenchRadiograph>& radiographs() const { return radiographs_; }
   [[nodiscard]] const std::optional<BenchRecording>& recording() const { return recording_; }
   [[nodiscard]] bool has_radiographs() const { return !radiographs_.empty(); }
@@ -96,26 +112,26 @@ class BreathingBench {
   /// The tumour's edge where the nodes are displaced by that.
   [[nodiscard]] std::vector<sim::PixelLine> outline(std::size_t factor,
                                                     const std::vector<sim::Vector3>& moved_m) const;
-  /// The tumour's centre at rest, and its responses.
+  /// The tumour's centre at rest.
   [[nodiscard]] const sim::Vector3& tumour_m() const { return tumour_m_; }
-  [[nodiscard]] const sim::MotionResponses::Place& tumour() const { return tumour_; }
 
   /// So many models are kept in one folder.
   static constexpr std::size_t kMostModels = 1000;
 
   /// The whole series can be fitted to where there are so many moments (sim::kLeastMoments).
   [[nodiscard]] bool can_fit() const;
-  /// For a fit: the model as `motion` has it, the lung in the CT with its directions, and the CT.
+  /// For a fit: the model as `motion` has it, the lung in the CT with its directions, and the CT. What
+  /// waveform_of() throws, and kiroku::Error for groups of another surface or of which none moves.
   [[nodiscard]] sim::BreathingModel model_with(const MotionDeed& motion) const;
   [[nodiscard]] sim::BreathingScene scene_of(const sim::BreathingModel& model) const {
     return {model, ct_, mesh_};
   }
   [[nodiscard]] const sim::Volume& volume() const { return volume_; }
 
-  /// Writes the model, as it was when this was made, with another motion beside it, as `name` with ".json",
-  /// durably; returns that. Refusal 400 for a name that is no file's, 409 where there is such a file or are
-  /// kMostModels, or where a file that the model names is another by now: nobody has seen such a lung; 507
-  /// where the disk has no room. kiroku::IoError.
+  /// Writes the model, as it was when this was made, with another motion and its groups beside it, as `name`
+  /// with ".json", durably; returns that. Refusal 400 for a name that is no file's, 409 where there is such a
+  /// file or are kMostModels, or where a file that the model names is another by now: nobody has seen such a
+  /// lung; 507 where the disk has no room. kiroku::Error as model_with(). kiroku::IoError.
   [[nodiscard]] std::string save(const std::string& name, const MotionDeed& motion) const;
 
  private:
@@ -123,6 +139,9 @@ class BreathingBench {
     sim::ProjectionGeometry geometry;
     sim::ProjectionImage still;
   };
+  /// Of all nodes, where those of the surface are of these.
+  [[nodiscard]] sim::BoundaryGroups groups_of(const sim::BoundaryGroups& of_surface) const;
+  [[nodiscard]] std::shared_ptr<const GroupedLung> solve(const sim::BoundaryGroups& groups) const;
 
   std::filesystem::path file_;
   sim::BreathingModel model_;
@@ -130,15 +149,15 @@ class BreathingBench {
   std::vector<BenchRadiograph> radiographs_;
   double start_s_;
   std::optional<BenchRecording> recording_;
-  std::unique_ptr<sim::MotionResponses> responses_;
   std::shared_ptr<const sim::CtProjector> ct_;
   std::shared_ptr<const sim::MeshProjector> mesh_;
   sim::Volume volume_;       // none where there is nothing to fit to
   std::vector<View> views_;  // by factor
   sim::OverlayWindows windows_;
+  sim::LungSurface surface_;
   std::int32_t tumour_region_ = 0;
   sim::Vector3 tumour_m_ = sim::Vector3::Zero();
-  sim::MotionResponses::Place tumour_;
+  std::shared_ptr<const GroupedLung> lung_;
 };
 
 }  // namespace kiroku::viewer

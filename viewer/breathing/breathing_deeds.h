@@ -9,10 +9,12 @@
 
 namespace kiroku::viewer {
 
-/// How both groups move, and how long a breath of a sine is; nothing: as the model's waveform is.
+/// How both groups move, how long a breath of a sine is (nothing: as the model's waveform is), and which node
+/// of the surface is of which group, in ascending order of the nodes (nothing: as the model has them).
 struct MotionDeed {
   sim::BreathingMotion motion;
   std::optional<double> cycle_s;
+  std::optional<sim::BoundaryGroups> surface_groups = {};
 };
 /// When it is looked at: s since the first radiograph, or of the waveform where there are none.
 struct MomentDeed {

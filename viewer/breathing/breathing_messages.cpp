@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <utility>
 
@@ -50,11 +51,34 @@ sim::GroupMotion group_of(const json& motion, const char* name) {
           message_number(group, "drift_mm_per_min", -kMostMm, kMostMm) / kMmPerM / kSecondsPerMinute};
 }
 
+/// A figure for each node of the surface, as boundary_group has them in frames: "1" is free.
+std::optional<sim::BoundaryGroups> surface_groups_of(const json& motion) {
+  const json& said = message_field(motion, "groups");
+  if (said.is_null()) return std::nullopt;
+  const std::string figures = message_text(motion, "groups");
+  sim::BoundaryGroups groups;
+  groups.reserve(figures.size());
+  for (const char figure : figures) {
+    if (figure <= '0' || figure >= static_cast<char>('0' + sim::kBoundaryGroups))
+      throw Refusal(400, "'groups' must be null, or a figure from 1 to 5 for each node of the surface");
+    groups.push_back(static_cast<sim::BoundaryGroup>(figure - '0'));
+  }
+  return groups;
+}
+
+std::string figures_of(const sim::BoundaryGroups& groups) {
+  std::string figures;
+  for (const sim::BoundaryGroup group : groups)
+    figures.push_back(static_cast<char>('0' + static_cast<int>(group)));
+  return figures;
+}
+
 MotionDeed motion_of(const json& said) {
   MotionDeed deed{{group_of(said, "rib_cage"), group_of(said, "diaphragm")}, std::nullopt};
   if (!message_field(said, "cycle_s").is_null())
     deed.cycle_s =
         message_number(said, "cycle_s", 2 * sim::Waveform::kShortestBreathS, sim::Waveform::kLongestS);
+  deed.surface_groups = surface_groups_of(said);
   return deed;
 }
 
@@ -123,7 +147,9 @@ BreathingMessage parse_breathing_message(std::string_view text) {
 ordered_json motion_json(const MotionDeed& motion) {
   return {{"rib_cage", group_json(motion.motion.rib_cage)},
           {"diaphragm", group_json(motion.motion.diaphragm)},
-          {"cycle_s", motion.cycle_s ? ordered_json(*motion.cycle_s) : ordered_json(nullptr)}};
+          {"cycle_s", motion.cycle_s ? ordered_json(*motion.cycle_s) : ordered_json(nullptr)},
+          {"groups",
+           motion.surface_groups ? ordered_json(figures_of(*motion.surface_groups)) : ordered_json(nullptr)}};
 }
 
 ordered_json opened_json(const BreathingBench& bench, bool may_seal) {
@@ -143,6 +169,28 @@ ordered_json opened_json(const BreathingBench& bench, bool may_seal) {
             {"may_seal", may_seal},
             {"warnings", bench.model().warnings},
             {"motion", motion_json(bench.own_motion())}}}};
+}
+
+ordered_json surface_json(const BreathingBench& bench) {
+  if (!bench.may_paint()) return {{"surface", nullptr}};
+  constexpr double kPerMm = 100;  // nobody sees more than hundredths
+  const sim::LungSurface& surface = bench.surface();
+  ordered_json nodes_mm = ordered_json::array(), faces = ordered_json::array();
+  sim::BoundaryGroups groups;
+  for (const std::uint32_t node : surface.nodes) {
+    for (const double coordinate_m : bench.model().mesh.nodes[node])
+      nodes_mm.push_back(std::round(coordinate_m * kMmPerM * kPerMm) / kPerMm);
+    groups.push_back(bench.model().groups[node]);
+  }
+  for (const auto& face : surface.faces) {
+    for (const std::uint32_t node : face) faces.push_back(node);
+  }
+  return {{"surface",
+           {{"nodes_mm", std::move(nodes_mm)}, {"faces", std::move(faces)}, {"groups", figures_of(groups)}}}};
+}
+
+ordered_json refused_json(const std::string& why, std::uint64_t input, const MotionDeed& stands) {
+  return {{"refused", {{"input", input}, {"why", why}, {"motion", motion_json(stands)}}}};
 }
 
 ordered_json path_json(const BreathingTable& table) {

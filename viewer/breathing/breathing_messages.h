@@ -27,14 +27,19 @@ struct BreathingMessage {
   std::variant<MotionDeed, MomentDeed, LookDeed, SaveMotion, FitDeed, CancelFit> deed;
 };
 
-/// No message is longer.
-inline constexpr std::size_t kLongestBreathingMessage = 16U << 10;
+/// No message is longer: a motion, with a letter for each node that can be painted.
+inline constexpr std::size_t kLongestBreathingMessage = (16U << 10) + BreathingBench::kMostPaintedNodes;
 /// Refusal 400 in one sentence for what is none of them, or no motion that a model's document can say.
 BreathingMessage parse_breathing_message(std::string_view text);
 
 nlohmann::ordered_json motion_json(const MotionDeed& motion);
 /// {"opened": {…}}: what there is, before the first picture.
 nlohmann::ordered_json opened_json(const BreathingBench& bench, bool may_seal);
+/// {"surface": {"nodes_mm", "faces", "groups"}}: what is painted on; null where the surface has too many
+/// nodes.
+nlohmann::ordered_json surface_json(const BreathingBench& bench);
+/// {"refused": {"input", "why", "motion"}}: why a motion is not shown, and which is.
+nlohmann::ordered_json refused_json(const std::string& why, std::uint64_t input, const MotionDeed& stands);
 /// {"path": {"revision", "duration_s", "times_s", "mm"}}
 nlohmann::ordered_json path_json(const BreathingTable& table);
 /// {"similarity": {"revision", "values"}}, null for radiographs that were not measured

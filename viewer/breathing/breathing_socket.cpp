@@ -36,6 +36,7 @@ BreathingSocket::BreathingSocket(BreathingRoom& room, const std::string& person,
                                  std::shared_ptr<SocketOutput> output)
     : room_(room), person_(person), output_(std::move(output)), place_(room.enter(person)) {
   output_->send_text(opened_json(room_.bench(), room_.sealer() != nullptr).dump());
+  output_->send_text(surface_json(room_.bench()).dump());
   live_ = std::make_unique<LiveBreathing>(room_.bench(), listener());
 }
 
@@ -121,6 +122,9 @@ BreathingListener BreathingSocket::listener() {
   out.moved = [this](const BreathingTable& table) { output_->send_text(path_json(table).dump()); };
   out.measured = [this](const BreathingTable& table) { output_->send_text(similarity_json(table).dump()); };
   out.told = [this](const std::string& sentence) { tell(sentence); };
+  out.refused = [this](const std::string& sentence, std::uint64_t input, const BreathingTable& table) {
+    output_->send_text(refused_json(sentence, input, table.motion()).dump());
+  };
   out.failed = [this](const std::string& sentence) {
     room_.tell("a breathing workbench ended: " + sentence);
     // Nothing is computed any more, however long the connection is kept.

@@ -1,5 +1,7 @@
 #include "viewer/breathing/breathing_table.h"
 
+#include <utility>
+
 #include "sim/drr/registration.h"
 
 namespace kiroku::viewer {
@@ -11,13 +13,16 @@ constexpr sim::Colour kOutlineColour{255, 200, 0};
 
 BreathingTable::BreathingTable(const BreathingBench& bench)
     : bench_(bench),
+      lung_(bench.own_lung()),
       motion_(bench.own_motion()),
       waveform_(bench.model().waveform),
       time_s_(bench.times_s(waveform_).front()),
       similarities_(bench.radiographs().size()) {}
 
 void BreathingTable::apply(const MotionDeed& deed) {
-  waveform_ = bench_.waveform_of(deed);
+  sim::Waveform waveform = bench_.waveform_of(deed);
+  if (deed.surface_groups != motion_.surface_groups) lung_ = bench_.lung_of(deed);
+  waveform_ = std::move(waveform);
   motion_ = deed;
   ++revision_;
   similarities_.assign(similarities_.size(), std::nullopt);
@@ -28,7 +33,7 @@ double BreathingTable::duration_s() const {
 }
 
 std::vector<sim::Vector3> BreathingTable::moved_m(double time_s) const {
-  return bench_.responses().displacement_m(motion_.motion, waveform_, bench_.model_time_s(time_s));
+  return lung_->responses.displacement_m(motion_.motion, waveform_, bench_.model_time_s(time_s));
 }
 
 sim::TumourPath BreathingTable::path() const {
@@ -37,7 +42,7 @@ sim::TumourPath BreathingTable::path() const {
   path.times_s = bench_.times_s(waveform_);
   for (const double time_s : path.times_s) {
     path.centres_m.push_back(
-        path.rest_m + bench_.tumour().displacement_m(motion_.motion, waveform_, bench_.model_time_s(time_s)));
+        path.rest_m + lung_->tumour.displacement_m(motion_.motion, waveform_, bench_.model_time_s(time_s)));
   }
   return path;
 }
@@ -51,8 +56,7 @@ BreathingTable::Shown BreathingTable::picture(std::size_t factor) const {
   }
   const std::vector<sim::Vector3> moved = moved_m(shown.time_s);
   const sim::ProjectionImage drr = bench_.drr(factor, moved);
-  shown.tumour_m =
-      bench_.tumour().displacement_m(motion_.motion, waveform_, bench_.model_time_s(shown.time_s));
+  shown.tumour_m = lung_->tumour.displacement_m(motion_.motion, waveform_, bench_.model_time_s(shown.time_s));
   const auto& windows = bench_.windows();
   if (!shown.radiograph) {
     shown.picture = sim::overlay_of(drr, drr, sim::OverlayMode::kOpacity, 1, windows);

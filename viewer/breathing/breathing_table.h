@@ -2,6 +2,7 @@
 // of that. Belongs to the thread that made it; the bench outlives it.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -15,7 +16,8 @@ class BreathingTable {
  public:
   explicit BreathingTable(const BreathingBench& bench);
 
-  /// kiroku::Error in one sentence for what the model cannot say; then nothing was done.
+  /// Solves anew for groups that were others before. kiroku::Error in one sentence for what the model cannot
+  /// say; then nothing was done.
   void apply(const MotionDeed& deed);
   void apply(const MomentDeed& deed) { time_s_ = deed.time_s; }
   /// Radiographs cannot be shown where there are none: then the lung alone is.
@@ -48,6 +50,7 @@ class BreathingTable {
   [[nodiscard]] std::vector<sim::Vector3> moved_m(double time_s) const;
 
   const BreathingBench& bench_;
+  std::shared_ptr<const GroupedLung> lung_;
   MotionDeed motion_;
   sim::Waveform waveform_;
   LookDeed look_;

@@ -113,7 +113,11 @@ bool LiveBreathing::do_all(BreathingTable& table, Wanted wanted) {
     }
   };
   if (wanted.motion) {
-    guarded([&] { table.apply(*wanted.motion); });
+    try {
+      table.apply(*wanted.motion);
+    } catch (const Error& refused) {
+      listener_.refused(refused.what(), wanted.number, table);
+    }
     measuring_ = bench_.has_radiographs();
     untold_ = 0;
   }

@@ -33,7 +33,10 @@ struct BreathingListener {
   std::function<void(const BreathingTable& table)> moved;
   /// More radiographs were measured, or none is any more.
   std::function<void(const BreathingTable& table)> measured;
-  std::function<void(const std::string& sentence)> told;    // why a deed could not be done
+  std::function<void(const std::string& sentence)> told;  // why a task could not be done
+  /// Why a motion could not be shown; that of the table stands. `input`: the newest deed that was heard by
+  /// then.
+  std::function<void(const std::string& sentence, std::uint64_t input, const BreathingTable& table)> refused;
   std::function<void(const std::string& sentence)> failed;  // it is over
 };
 

@@ -281,13 +281,6 @@ ordered_json surface_json(const sim::DrawnSurface& surface) {
           {"faces", std::move(faces)}};
 }
 
-ordered_json file_json(const NamedFile& file) {
-  return {{"role", file.role},
-          {"name", file.name},
-          {"bytes", file.bytes},
-          {"sha256", crypto::to_hex(file.sha256)}};
-}
-
 ordered_json lens_json(const UsedLens& used) {
   const sim::LensCalibration& lens = used.lens.calibration();
   return {{"file", file_json(used.file)},
@@ -356,40 +349,10 @@ ordered_json tools_json(const Comparison& comparison, const sim::Plan& plan) {
   return all;
 }
 
-ordered_json files_json(const std::vector<NamedFile>& files) {
-  ordered_json all = ordered_json::array();
-  for (const NamedFile& file : files) all.push_back(file_json(file));
-  return all;
-}
-
-ordered_json ct_json(const std::optional<ComparedCt>& ct) {
-  if (!ct) return nullptr;
-  ordered_json one{{"of_plan", ct->of_plan}};
-  if (!ct->series.empty()) one["series"] = ct->series;
-  one["files"] = files_json(ct->files);
-  return one;
-}
-
 }  // namespace
 
 std::string comparison_json(const Comparison& comparison, const sim::Plan& plan, const Provenance& made) {
-  ordered_json document{{"format", kComparisonFormat},
-                        {"made_by", made.made_by},
-                        {"made_at", format_utc(made.made_at)},
-                        {"program", made.program}};
-  document["case"] = {
-      {"id", made.case_state.case_id},
-      {"ledger",
-       {{"size", made.case_state.ledger_size}, {"root", crypto::to_hex(made.case_state.ledger_root)}}},
-      {"stream", comparison.stream},
-      {"names_plan", or_null(made.case_names_plan)},
-      {"verified", false}};  // whoever compares takes segments by their hashes, and asks for no signature
-  document["plan"] = {{"name", made.plan},
-                      {"seal", crypto::to_hex(made.plan_seal)},
-                      {"sealed", made.plan_sealed},
-                      {"files", files_json(made.plan_files)}};
-  document["ct"] = ct_json(made.ct);
-  document["one_patient"] = or_null(made.of_one_patient);
+  ordered_json document = provenance_json(made, comparison.stream);
   document["in_planned_order"] = comparison.matching.in_planned_order();
   document["steps"] = steps_json(comparison);
   document["repeated_marks"] = marks_json(comparison.matching.repeated);
@@ -410,7 +373,7 @@ std::string comparison_json(const Comparison& comparison, const sim::Plan& plan,
   document["organ_alignment"] =
       comparison.alignment ? organ_alignment_json(*comparison.alignment) : ordered_json(nullptr);
   document["outputs"] = files_json(made.outputs);
-  return document.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return document_text(document);
 }
 
 }  // namespace kiroku::compare

@@ -8,6 +8,7 @@
 #include "archive/format/line_reader.h"
 #include "archive/reading/case_reader.h"
 #include "base/error.h"
+#include "base/json_or_null.h"
 #include "crypto/encoding.h"
 #include "crypto/merkle_tree.h"
 
@@ -80,6 +81,14 @@ Provenance provenance_of(const nlohmann::json& document) {
   return made;
 }
 
+nlohmann::ordered_json ct_json(const std::optional<ComparedCt>& ct) {
+  if (!ct) return nullptr;
+  nlohmann::ordered_json one{{"of_plan", ct->of_plan}};
+  if (!ct->series.empty()) one["series"] = ct->series;
+  one["files"] = files_json(ct->files);
+  return one;
+}
+
 }  // namespace
 
 std::vector<std::string> cautions_of(const Provenance& made) {
@@ -105,6 +114,44 @@ std::optional<crypto::Sha256Digest> root_of_first(const std::filesystem::path& c
   const crypto::MerkleFrontier tree = tree_of(case_folder, size);
   if (tree.size() != size) return {};
   return tree.root();
+}
+
+nlohmann::ordered_json file_json(const NamedFile& file) {
+  return {{"role", file.role},
+          {"name", file.name},
+          {"bytes", file.bytes},
+          {"sha256", crypto::to_hex(file.sha256)}};
+}
+
+nlohmann::ordered_json files_json(const std::vector<NamedFile>& files) {
+  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  for (const NamedFile& file : files) all.push_back(file_json(file));
+  return all;
+}
+
+nlohmann::ordered_json provenance_json(const Provenance& made, const std::string& stream) {
+  nlohmann::ordered_json document{{"format", kComparisonFormat},
+                                  {"made_by", made.made_by},
+                                  {"made_at", format_utc(made.made_at)},
+                                  {"program", made.program}};
+  document["case"] = {
+      {"id", made.case_state.case_id},
+      {"ledger",
+       {{"size", made.case_state.ledger_size}, {"root", crypto::to_hex(made.case_state.ledger_root)}}},
+      {"stream", stream},
+      {"names_plan", or_null(made.case_names_plan)},
+      {"verified", false}};  // whoever compares takes segments by their hashes, and asks for no signature
+  document["plan"] = {{"name", made.plan},
+                      {"seal", crypto::to_hex(made.plan_seal)},
+                      {"sealed", made.plan_sealed},
+                      {"files", files_json(made.plan_files)}};
+  document["ct"] = ct_json(made.ct);
+  document["one_patient"] = or_null(made.of_one_patient);
+  return document;
+}
+
+std::string document_text(const nlohmann::ordered_json& document) {
+  return document.dump(1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 Provenance read_provenance(std::string_view text, const std::string& name) {

@@ -10,6 +10,8 @@
 #include <string_view>
 #include <vector>
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "base/utc_time.h"
 #include "crypto/hash.h"
 
@@ -64,6 +66,14 @@ struct Provenance {
 std::vector<std::string> cautions_of(const Provenance& made);
 
 inline constexpr const char* kComparisonFormat = "kiroku-comparison/1";
+
+/// The beginning of a comparison's document, by these recorded pictures: all that read_provenance() reads but
+/// the outputs.
+nlohmann::ordered_json provenance_json(const Provenance& made, const std::string& stream);
+nlohmann::ordered_json file_json(const NamedFile& file);
+nlohmann::ordered_json files_json(const std::vector<NamedFile>& files);
+/// The document's bytes.
+std::string document_text(const nlohmann::ordered_json& document);
 
 /// What is read back of a document to check it. kiroku::UsageError, naming `name`, for what is none.
 Provenance read_provenance(std::string_view text, const std::string& name);

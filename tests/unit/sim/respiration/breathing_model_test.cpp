@@ -139,5 +139,30 @@ TEST_F(BreathingDocument, AFittedMotionIsWrittenIntoTheSameDocument) {
   EXPECT_THAT(read_document(folder_.path() / "fitted/lung.json"), HasSubstr("\"name\": \"kept\""));
 }
 
+TEST_F(BreathingDocument, GroupsThatWerePaintedAreWrittenAfterThoseThatItHas) {
+  const BreathingModel model = read(R"(, "groups": [{"group": "free", "nodes": [0]}])");
+  BoundaryGroups groups = model.groups;
+  std::vector<std::size_t> surface;
+  for (std::size_t node = 0; node < groups.size(); ++node) {
+    if (groups[node] != BoundaryGroup::kInside) surface.push_back(node);
+  }
+  groups[surface.front()] = BoundaryGroup::kDiaphragm;  // node 0, which the document has said is free
+  groups[surface.back()] = BoundaryGroup::kFree;
+  groups[surface[surface.size() / 2]] = BoundaryGroup::kTrachea;
+  ASSERT_EQ(surface.front(), 0U);
+  const auto written = [&](const BreathingModel& from, const BoundaryGroups& to) {
+    write("painted.json",
+          with_motion(from, folder_.path() / "lung.json", from.motion, folder_.path(), {}, to));
+    return read_breathing_model(folder_.path() / "painted.json");
+  };
+  const BreathingModel painted = written(model, groups);
+  EXPECT_EQ(painted.groups, groups);
+  EXPECT_EQ(written(painted, model.groups).groups, model.groups) << "and back, above what was painted";
+  // What is as it was needs no entry.
+  const BreathingModel plain = read("");
+  written(plain, plain.groups);
+  EXPECT_THAT(read_document(folder_.path() / "painted.json"), testing::Not(HasSubstr("groups")));
+}
+
 }  // namespace
 }  // namespace kiroku::sim

@@ -126,6 +126,40 @@ TEST_F(BreathingApi, ShowsMovesMeasuresAndSaves) {
   EXPECT_EQ(*saved.motion.diaphragm.direction, sim::Vector3(0, 0, -1));
 }
 
+TEST_F(BreathingApi, GroupsArePaintedShownAndSaved) {
+  const auto client = routes.connect("breathing/table");
+  json motion = until_said(*client, "opened")["motion"];
+  EXPECT_EQ(motion["groups"], nullptr);
+  const json surface = until_said(*client, "surface");
+  const std::string own = surface["groups"];
+  ASSERT_EQ(own.size(), bench.surface().nodes.size());
+  EXPECT_EQ(surface["nodes_mm"].size(), 3 * own.size());
+  EXPECT_EQ(surface["faces"].size(), 3 * bench.surface().faces.size());
+  for (const json& corner : surface["faces"]) ASSERT_LT(corner, own.size());
+  const std::uint32_t node = bench.surface().nodes[7];
+  EXPECT_EQ(own[7] - '0', static_cast<int>(bench.model().groups[node]));
+  EXPECT_NEAR(surface["nodes_mm"][22].get<double>(), 1000 * bench.model().mesh.nodes[node].y(), 0.006);
+  // Nothing moves without a diaphragm: the page is told which motion stands, and by which message's time.
+  std::string none = own;
+  std::ranges::replace(none, '3', '1');
+  motion["groups"] = none;
+  client->send_text(message(1, "motion", motion));
+  const json refused = until_said(*client, "refused");
+  EXPECT_THAT(refused["why"].get<std::string>(), HasSubstr("of the group diaphragm"));
+  EXPECT_EQ(refused["input"], 1);
+  EXPECT_EQ(refused["motion"]["groups"], nullptr);
+  std::string painted = own;
+  const std::size_t at = own.find('2');
+  painted[at] = '3';
+  motion["groups"] = painted;
+  client->send_text(message(2, "motion", motion));
+  EXPECT_EQ(picture_with(*client, 2)["revision"], 2) << "a refused motion is none";
+  client->send_text(message(3, "save", {{"file", "painted"}, {"motion", motion}, {"seal", false}}));
+  EXPECT_EQ(until_said(*client, "saved")["file"], "painted.json");
+  const sim::BreathingModel saved = sim::read_breathing_model(chest.folder() / "painted.json");
+  EXPECT_EQ(saved.groups[bench.surface().nodes[at]], sim::BoundaryGroup::kDiaphragm);
+}
+
 // A fit may write over the model's file while its page is open. What is saved is what was seen.
 TEST_F(BreathingApi, SavesTheModelThatWasOpened) {
   const auto client = routes.connect("breathing/table");
@@ -318,6 +352,9 @@ TEST_F(BreathingApi, RefusesWhatIsNoMessageAndNoMotion) {
   };
   json no_cycle = motion_json(bench.own_motion());
   no_cycle["cycle_s"] = 0.1;
+  json of_no_group = motion_json(bench.own_motion()), no_groups = of_no_group;
+  of_no_group["groups"] = "1260";
+  no_groups.erase("groups");
   const std::vector<std::pair<std::string, std::string>> bad{
       {"[]", "must be a JSON object"},
       {R"({"motion": {}})", "'input' is missing"},
@@ -327,6 +364,8 @@ TEST_F(BreathingApi, RefusesWhatIsNoMessageAndNoMotion) {
       {changed("rib_cage", "phase_s", "early"), "'phase_s' must be a number from -60"},
       {changed("rib_cage", "direction", "down"), "'direction' must be null"},
       {changed("rib_cage", "direction", {0, 0, 0}), "which is no direction"},
+      {message(1, "motion", of_no_group), "'groups' must be null, or a figure from 1 to 5"},
+      {message(1, "motion", no_groups), "'groups' is missing"},
       {message(1, "motion", no_cycle), "'cycle_s' must be a number from 0.2"},
       {R"({"input": 1, "moment": {"time_s": 1e9}})", "'time_s' must be"},
       {R"({"input": 1, "look": {"mode": "upside down", "part": 0, "outlined": true}})", "'mode' must be"},

@@ -180,6 +180,100 @@ TEST_F(BreathingTableTest, AMeasuredWaveformHasNoOtherCycle) {
   EXPECT_EQ(sim::read_breathing_model(chest_.folder() / "other.json").waveform.duration_s(), 4);
 }
 
+/// The groups of the surface, with the rib cage's nodes that `of` takes given to another group.
+template <typename Which>
+sim::BoundaryGroups painted(const BreathingBench& bench, const Which& of, sim::BoundaryGroup group) {
+  sim::BoundaryGroups groups;
+  for (const std::uint32_t node : bench.surface().nodes) {
+    const sim::BoundaryGroup own = bench.model().groups[node];
+    groups.push_back(of(bench.model().mesh.nodes[node], own) ? group : own);
+  }
+  return groups;
+}
+
+TEST_F(BreathingTableTest, PaintedGroupsMoveTheLungAsAModelThatSaysThem) {
+  const BreathingBench bench = bench_of(chest_.inputs_with_radiographs());
+  BreathingTable table(bench);
+  MotionDeed deed = true_motion();
+  table.apply(deed);
+  const sim::TumourPath before = table.path();
+  while (table.measure_one()) {
+  }
+  double lowest = 1;
+  for (const sim::Vector3& node : bench.model().mesh.nodes) lowest = std::min(lowest, node.z());
+  deed.surface_groups = painted(
+      bench,
+      [&](const sim::Vector3& at, sim::BoundaryGroup own) {
+        return own == sim::BoundaryGroup::kRibCage && at.z() < lowest + 0.08;
+      },
+      sim::BoundaryGroup::kDiaphragm);
+  const std::uint64_t revision = table.revision();
+  table.apply(deed);
+  EXPECT_GT(table.revision(), revision);
+  EXPECT_THAT(table.similarities(), Each(std::optional<double>())) << "of another lung nothing is known";
+  EXPECT_EQ(bench.save("painted", deed), "painted.json");
+  const sim::BreathingModel saved = sim::read_breathing_model(chest_.folder() / "painted.json");
+  EXPECT_NE(saved.groups, bench.model().groups);
+  EXPECT_EQ(saved.groups, bench.model_with(deed).groups) << "what is fitted is what is seen and saved";
+  const sim::BreathingBody body(saved.mesh, saved.materials, saved.groups, saved.slide);
+  const sim::BreathingCycle cycle(body, saved.motion, saved.waveform);
+  const sim::MeshPoint centre = sim::centre_of(saved.mesh, *saved.tumour);
+  const sim::TumourPath path = table.path();
+  double farthest = 0;
+  for (std::size_t i = 0; i < path.times_s.size(); ++i) {
+    const sim::Vector3 expected_m = path.rest_m + centre.mean(cycle.displacement_m(path.times_s[i]));
+    EXPECT_LT((path.centres_m[i] - expected_m).norm(), 1e-9);
+    farthest = std::max(farthest, (path.centres_m[i] - before.centres_m[i]).norm());
+  }
+  EXPECT_GT(farthest, 0.0005) << "the lung answers otherwise";
+  // The picture, too: the DRR alone by the whole solve.
+  table.apply(MomentDeed{bench.radiographs()[3].time_s});
+  table.apply(LookDeed{sim::OverlayMode::kOpacity, 1, false});
+  const sim::ColourPicture shown = table.picture(1).picture;
+  BenchInputs again = chest_.inputs_with_radiographs();
+  again.model = saved;
+  const BreathingBench other = bench_of(std::move(again));
+  BreathingTable as_saved(other);
+  as_saved.apply(MomentDeed{bench.radiographs()[3].time_s});
+  as_saved.apply(LookDeed{sim::OverlayMode::kOpacity, 1, false});
+  // But for what the document's numbers round.
+  const sim::ColourPicture same = as_saved.picture(1).picture;
+  int most = 0;
+  for (std::size_t at = 0; at < shown.pixels.size(); ++at)
+    most = std::max(most, std::abs(int{shown.pixels[at][0]} - int{same.pixels[at][0]}));
+  EXPECT_LE(most, 1);
+  // Taken back it is the lung that was opened.
+  deed.surface_groups.reset();
+  table.apply(deed);
+  for (std::size_t i = 0; i < path.times_s.size(); ++i)
+    EXPECT_EQ(table.path().centres_m[i], before.centres_m[i]);
+}
+
+TEST_F(BreathingTableTest, RefusesGroupsByWhichNothingMovesAndKeepsThoseBefore) {
+  const BreathingBench bench = bench_of(chest_.inputs());
+  BreathingTable table(bench);
+  MotionDeed deed = true_motion();
+  table.apply(deed);
+  const std::uint64_t revision = table.revision();
+  const sim::TumourPath before = table.path();
+  const auto refused = [&](sim::BoundaryGroups groups) {
+    deed.surface_groups = std::move(groups);
+    const std::string sentence = sentence_of([&] { table.apply(deed); });
+    EXPECT_EQ(sentence_of([&] { static_cast<void>(bench.save("none", deed)); }), sentence);
+    EXPECT_FALSE(std::filesystem::exists(chest_.folder() / "none.json"));
+    EXPECT_EQ(table.revision(), revision);
+    EXPECT_FALSE(table.motion().surface_groups);
+    EXPECT_EQ(table.path().centres_m, before.centres_m);
+    return sentence;
+  };
+  EXPECT_THAT(refused(painted(
+                  bench, [](const auto& /*at*/, auto own) { return own == sim::BoundaryGroup::kDiaphragm; },
+                  sim::BoundaryGroup::kFree)),
+              HasSubstr("no node of the lung is of the group diaphragm"));
+  EXPECT_THAT(refused(sim::BoundaryGroups(3, sim::BoundaryGroup::kRibCage)),
+              HasSubstr("the groups are of a surface of 3 nodes"));
+}
+
 TEST_F(BreathingTableTest, RefusesInWordsWhatCannotBeShown) {
   const auto refused = [&](const auto& change) {
     return sentence_of([&] {
@@ -229,6 +323,8 @@ TEST_F(BreathingTableTest, OfManyDeedsTheNewestIsShownAndThenEverythingIsMeasure
     EXPECT_THAT(sentence, HasSubstr("no room"));
     ++told;
   };
+  listener.refused = [](const std::string& sentence, std::uint64_t /*input*/,
+                        const BreathingTable& /*table*/) { ADD_FAILURE() << sentence; };
   listener.failed = [](const std::string& sentence) { ADD_FAILURE() << sentence; };
   {
     LiveBreathing live(bench, listener);

@@ -3,11 +3,12 @@ import { describe, expect, it } from 'vitest';
 import { History } from '@/breathing/history';
 import { KeptMotion } from '@/breathing/kept_motion';
 import { anglesOf, directionOf, type Motion, rangeOf, sameMotion, withDirection, withNumber } from '@/breathing/motion';
+import { countOf, groupAt, kViews, lacking, neighboursOf, nodesUnder, painted, SeenLung, type Surface, turned } from '@/breathing/lung_surface';
 import { noticesOfSaved } from '@/breathing/saved_notices';
 import { distances, later, meanOf, momentAt, stepped } from '@/breathing/time_line';
 
 const kStill = { amplitude_mm: 3, phase_s: 0, direction: null, baseline_mm: 0, drift_mm_per_min: 0 };
-const kMotion: Motion = { rib_cage: kStill, diaphragm: { ...kStill, amplitude_mm: 10 }, cycle_s: 3.6 };
+const kMotion: Motion = { rib_cage: kStill, diaphragm: { ...kStill, amplitude_mm: 10 }, cycle_s: 3.6, groups: null };
 
 describe('What was changed', () => {
   const same = (one: number, other: number) => one === other;
@@ -43,6 +44,86 @@ describe('What was changed', () => {
     history.change(withDirection(kMotion, 'rib_cage', [0, 0, 1]), 'x');
     expect(history.canUndo).toBe(true);
     expect(history.now.diaphragm).toEqual(kMotion.diaphragm);
+  });
+});
+
+/** A cube of 20 mm, x left, y back, z head; its corners are numbered by x, then y, then z. */
+const kCube: Surface = {
+  nodes_mm: [0, 1, 2, 3, 4, 5, 6, 7].flatMap((i) => [20 * (i & 1), 10 * (i & 2), 5 * (i & 4)]),
+  faces: [
+    [0, 2, 3, 1],
+    [4, 5, 7, 6],
+    [0, 1, 5, 4],
+    [2, 6, 7, 3],
+    [0, 4, 6, 2],
+    [1, 3, 7, 5],
+  ].flatMap(([a, b, c, d]) => [a, b, c, a, c, d] as number[]),
+  groups: '33332222',
+};
+
+describe('The surface of a lung', () => {
+  it('is seen from where one looks: patients have their left at the right, and their head above', () => {
+    const front = new SeenLung(kCube, kViews.front, 200);
+    expect(front.faces.map((face) => Math.floor(face / 2))).toEqual([2, 2]);
+    expect(front.x[1]).toBeGreaterThan(front.x[0] as number);
+    expect(front.y[4]).toBeLessThan(front.y[0] as number);
+    const left = new SeenLung(kCube, kViews.left, 200);
+    expect(left.faces.map((face) => Math.floor(face / 2))).toEqual([5, 5]);
+    expect(left.x[3]).toBeGreaterThan(left.x[1] as number);
+    const feet = new SeenLung(kCube, kViews.feet, 200);
+    expect(feet.faces.map((face) => Math.floor(face / 2))).toEqual([0, 0]);
+    expect(feet.y[0]).toBeLessThan(feet.y[2] as number);
+    // All of it stays in the square, however it is turned.
+    for (let about = -180; about < 180; about += 15) {
+      const seen = new SeenLung(kCube, turned(kViews.front, about, about / 2), 200);
+      for (const place of [...seen.x, ...seen.y]) expect(Math.abs(place - 100)).toBeLessThanOrEqual(96.001);
+    }
+  });
+  it('is turned round and round, and never over head or feet', () => {
+    expect(turned({ about_deg: 170, up_deg: 80 }, 20, 20)).toEqual({ about_deg: -170, up_deg: 90 });
+    expect(turned({ about_deg: -170, up_deg: -80 }, -20, -20)).toEqual({ about_deg: 170, up_deg: -90 });
+  });
+  it('is met where the pointer is, on the side that is seen', () => {
+    const front = new SeenLung(kCube, kViews.front, 200);
+    const hit = front.under((front.x[4] as number) + 5, (front.y[4] as number) + 3);
+    expect(hit?.node).toBe(4);
+    expect(hit?.place_mm[1]).toBeCloseTo(0, 9);
+    expect(front.under(1, 1)).toBeUndefined();
+    const behind = new SeenLung(kCube, kViews.behind, 200);
+    expect(behind.under(100, 100)?.place_mm).toEqual([expect.closeTo(10, 9), expect.closeTo(20, 9), expect.closeTo(10, 9)]);
+  });
+  it('is painted within the brush as far as it hangs together', () => {
+    const neighbours = neighboursOf(kCube);
+    expect(neighbours[0]?.slice().sort()).toEqual([1, 2, 3, 4, 5, 6]);
+    const from = { node: 0, place_mm: [1, 1, 1] as [number, number, number] };
+    expect(nodesUnder(kCube, neighbours, from, 1)).toEqual([0]);
+    expect(nodesUnder(kCube, neighbours, from, 20).sort()).toEqual([0, 1, 2, 4]);
+    // Another body within the brush is left alone.
+    const two: Surface = {
+      nodes_mm: [...kCube.nodes_mm, ...kCube.nodes_mm.map((value, i) => value + (i % 3 === 0 ? 21 : 0))],
+      faces: [...kCube.faces, ...kCube.faces.map((node) => node + 8)],
+      groups: kCube.groups + kCube.groups,
+    };
+    expect(nodesUnder(two, neighboursOf(two), { node: 1, place_mm: [20, 0, 0] }, 5)).toEqual([1]);
+  });
+  it('has the groups that were painted, and gets back those it had', () => {
+    const once = painted(kCube.groups, [0, 4], 'trachea', kCube.groups);
+    expect(once).toBe('43334222');
+    expect([countOf(once, 'trachea'), countOf(once, 'diaphragm'), groupAt(once, 4)]).toEqual([2, 3, 'trachea']);
+    expect(painted(once, [4], null, kCube.groups)).toBe('43332222');
+    expect(painted(once, [0, 1, 2, 3, 4], 'free', kCube.groups)).toBe('11111222');
+    expect(lacking(kCube.groups)).toBeUndefined();
+    expect(lacking('11111222')).toBe('diaphragm');
+    expect(lacking('33331111')).toBe('rib_cage');
+    // Groups are a part of a motion: a stroke is undone like a slider.
+    const history = new History(kMotion, sameMotion);
+    history.change({ ...kMotion, groups: once }, 'groups');
+    history.settle();
+    history.change({ ...kMotion, groups: painted(once, [1], 'free', kCube.groups) }, 'groups');
+    history.undo();
+    expect(history.now.groups).toBe(once);
+    history.undo();
+    expect(history.now.groups).toBeNull();
   });
 });
 

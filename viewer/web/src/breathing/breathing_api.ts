@@ -1,4 +1,5 @@
 // The breathing workbench's part of the API (docs/reference/viewer.md, "Breathing"): the WebSocket of the lung that is served.
+import type { Surface } from '@/breathing/lung_surface';
 import type { Group, Motion, NumberOfGroup, Vector } from '@/breathing/motion';
 import { PictureSocket } from '@/media/picture_socket';
 
@@ -84,6 +85,14 @@ interface Saved {
   seal: ModelSeal | null;
 }
 
+/** A motion that is not shown, and the one that is. */
+export interface RefusedMotion {
+  /** Of the newest message that had come by then. */
+  input: number;
+  why: string;
+  motion: Motion;
+}
+
 export const kModes = ['beside', 'opacity', 'wipe', 'difference', 'contour'] as const;
 export type Mode = (typeof kModes)[number];
 export interface Look {
@@ -110,6 +119,8 @@ export interface LungListener {
   fitEnded: (sentence: string) => void;
   told: (sentence: string) => void;
   saved: (saved: Saved) => void;
+  surface: (surface: Surface | null) => void;
+  refused: (refused: RefusedMotion) => void;
   lost: (sentence: string) => void;
 }
 
@@ -122,6 +133,8 @@ interface Said {
   fit_ended?: string;
   told?: string;
   saved?: Saved;
+  surface?: Surface | null;
+  refused?: RefusedMotion;
   failed?: string;
 }
 
@@ -132,6 +145,8 @@ export class LungConnection {
     this.socket = new PictureSocket<Said, LungMoment>('breathing/table', {
       said: (said) => {
         if (said.opened) listener.opened(said.opened);
+        if (said.surface !== undefined) listener.surface(said.surface);
+        if (said.refused) listener.refused(said.refused);
         if (said.path) listener.path(said.path);
         if (said.similarity) listener.similarity(said.similarity);
         if (said.fitting) listener.fitting(said.fitting);

@@ -6,7 +6,9 @@ import { askBeforeLeaving, hrefOf, route } from '@/base/route';
 import { formatTime, kSecond } from '@/base/time';
 import { type FluoroscopyOfCase, kModes, type Mode, type OpenedLung } from '@/breathing/breathing_api';
 import { FitCard } from '@/breathing/fit_card';
+import { GroupPainter } from '@/breathing/group_painter';
 import { LungController } from '@/breathing/lung_controller';
+import { countOf } from '@/breathing/lung_surface';
 import { kGroups } from '@/breathing/motion';
 import { GroupSliders, WaveformCard } from '@/breathing/motion_sliders';
 import { noticesOfSaved } from '@/breathing/saved_notices';
@@ -254,6 +256,7 @@ function LungView({ wanted, isOther, leave }: LungProps) {
 
   const opened = lung.opened.value;
   const motion = lung.motion.value;
+  const surface = lung.surface.value;
   const path = lung.path.value;
   const look = lung.look.value;
   const moment = lung.moment.value;
@@ -439,9 +442,17 @@ function LungView({ wanted, isOther, leave }: LungProps) {
           <div class="lung-side">
             {withSeries && <FitCard lung={lung} motion={motion} canFit={opened.can_fit} />}
             {kGroups.map((group) => (
-              <GroupSliders key={group} lung={lung} motion={motion} group={group} nodes={opened.groups[group] ?? 0} />
+              <GroupSliders
+                key={group}
+                lung={lung}
+                motion={motion}
+                group={group}
+                nodes={motion.groups ? countOf(motion.groups, group) : (opened.groups[group] ?? 0)}
+              />
             ))}
             <WaveformCard lung={lung} motion={motion} />
+            {surface && <GroupPainter lung={lung} surface={surface} motion={motion} />}
+            {surface === null && <p class="muted">{t('breathing.groups.tooMany')}</p>}
           </div>
         )}
       </div>

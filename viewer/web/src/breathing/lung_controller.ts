@@ -15,6 +15,7 @@ import {
   type Similarity,
 } from '@/breathing/breathing_api';
 import { KeptMotion } from '@/breathing/kept_motion';
+import type { Surface } from '@/breathing/lung_surface';
 import { type Motion, sameMotion } from '@/breathing/motion';
 import { later, stepped, type TimeLine } from '@/breathing/time_line';
 
@@ -33,6 +34,8 @@ export interface LungEvents {
 export class LungController {
   readonly opened = signal<OpenedLung | undefined>(undefined);
   readonly motion = signal<Motion | undefined>(undefined);
+  /** What is painted on; null where it has too many nodes for that. */
+  readonly surface = signal<Surface | null | undefined>(undefined);
   readonly steps = signal({ undo: false, redo: false, saved: true });
   readonly path = signal<Path | undefined>(undefined);
   readonly similarity = signal<Similarity | undefined>(undefined);
@@ -53,6 +56,8 @@ export class LungController {
   private readonly latency = new Median(kMeasured);
   private shown_ms: number[] = [];
   private frame = 0;
+  /** Of the message that sent a motion last. */
+  private motionInput = 0;
 
   constructor(events: LungEvents) {
     this.connection = new LungConnection({
@@ -90,6 +95,17 @@ export class LungController {
         events.told(sentence);
       },
       told: events.told,
+      surface: (surface) => (this.surface.value = surface),
+      refused: ({ input, why, motion }) => {
+        events.told(why);
+        // A later one will be answered itself.
+        if (!this.history || input < this.motionInput) return;
+        this.history.settle();
+        this.history.change(motion, 'refused');
+        this.history.settle();
+        this.motion.value = this.history.now;
+        this.tellSteps();
+      },
       saved: ({ input, file, seal }) => {
         this.kept.save(input);
         this.tellSteps();
@@ -145,7 +161,7 @@ export class LungController {
     if (!this.history) return;
     this.motion.value = this.history.now;
     this.tellSteps();
-    this.send({ motion: this.history.now });
+    this.motionInput = this.send({ motion: this.history.now });
   }
   private tellSteps(): void {
     const { history } = this;

@@ -15,6 +15,8 @@ export interface Motion {
   diaphragm: GroupMotion;
   /** Null: the waveform was measured, or is told breath by breath. */
   cycle_s: number | null;
+  /** A figure for each node of the surface (lung_surface.ts); null: as the model has them that was opened. */
+  groups: string | null;
 }
 
 export const kGroups = ['rib_cage', 'diaphragm'] as const;

@@ -251,6 +251,14 @@ export const kServerSentences: readonly SentencePair[] = [
   ["to search give 'patient' or 'procedure' or both", '検索するには患者番号か術式コードを入力してください'],
   ["of what '{name}' says nothing can be searched", '入力された内容では検索できません（{name}）'],
   ["'{name}' stands beside '{other}'", '{name} は {other} とともに指定してください'],
+  [
+    "no node of the lung is of the group {group}, so that it cannot be moved: give it some in 'groups', or take back what took them away",
+    'グループ {group} の節点がないため動かせません。節点を割り当てるか、取り除いた変更を元に戻してください',
+  ],
+  [
+    "the groups are of a surface of {n} nodes, this lung's has {own}: load the page again",
+    'グループは節点 {n} 個の表面のものですが、この肺の表面の節点は {own} 個です。ページを読み直してください',
+  ],
   ['this server seals no models: it serves no home of its own', 'このサーバーではモデルを封印できません'],
   ['the fit was cancelled', 'あてはめを中止しました'],
   ['finding how the patient lies', '患者の位置を求めています'],
