@@ -180,6 +180,10 @@ slowest_of() {
 # half of the processor time that two cores have meanwhile.
 jobs=$(($(nproc) + 4))
 
+# give_way: from now on this shell, and what it starts, has the processors where others leave them; a thirtieth where these leave nothing, so that no test
+# waits until its limit.
+give_way() { renice -n 10 -p "$BASHPID" >/dev/null; }
+
 # run_tests PRESET [CTEST OPTION...]: runs CTest and keeps its counts, and what failed tests printed, for tally.
 run_tests() {
   local preset=$1 report said

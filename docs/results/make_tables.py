@@ -23,7 +23,7 @@ One JSON file is what one command measured:
   figures           a list of {"id", "what", "value", "unit"} and, where there are any,
       goal          {"at_most"}, {"at_least"}, {"equals"}: a number of the same unit; {"text"}: words
       peer          {"name", "value", "unit"}: what somebody else's program, or the paper, needs for the same
-      stages        of ci.json: the stages of .ci/run whose minutes these are, or "all" (record.py --stages)
+      stages        of ci.json: the stages of .ci/run whose minutes these are (record.py --stages)
       measure       which of several values of one `what` this is
       test          the test that fails when the goal is missed: names of tests between backticks, "…" or * for what
                     is left out. They are looked for in the sources
