@@ -4,7 +4,6 @@
 #include <cstdlib>
 #include <map>
 #include <set>
-#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -70,7 +69,7 @@ void EventMarks::take_segment(const SegmentEntry& segment, std::uint64_t number)
   segments_.push_back({segment.file.file, number, segment.span, segment.complete, segment.counted});
 }
 
-void EventMarks::take_lines(EventLines lines, const std::string& file) {
+void EventMarks::take_lines(const EventLines& lines, const std::string& file) {
   const std::lock_guard guard(mutex_);
   files_.push_back(file);
   for (const EventLines::Event& event : lines.events_) {

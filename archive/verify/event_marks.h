@@ -74,7 +74,7 @@ class EventMarks {
   /// there.
   void take_recovered(std::int64_t before_ns) { cut_off_ns_ = cut_off_ns_.value_or(before_ns); }
   /// All lines of such a segment, which was opened and fits its hash. From any thread.
-  void take_lines(EventLines lines, const std::string& file);
+  void take_lines(const EventLines& lines, const std::string& file);
 
   /// Nothing where segments are named and none was opened, nor of an excerpt, or a case without such a
   /// stream, that has none.

@@ -393,7 +393,7 @@ std::optional<FileChecker::LookedInside> FileChecker::look_inside(const FileJob&
   }
   if (is_of_events) {
     if (job.segment->complete) lines.end();
-    marks_->take_lines(std::move(lines), job.expected.file);
+    marks_->take_lines(lines, job.expected.file);
   }
   if (!options_->inspect) {
     return LookedInside::kDecrypted;

@@ -2,7 +2,6 @@
 
 #include <chrono>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -46,7 +45,7 @@ class MarksOfALedger {
     marks_.take_segment(entry, next_++);
     EventLines taken;
     for (const std::string& line : lines) taken.add(bytes_of(line + "\n"));
-    marks_.take_lines(std::move(taken), entry.file.file);
+    marks_.take_lines(taken, entry.file.file);
     return *this;
   }
   MarksOfALedger& unopened(Span span) {
@@ -176,7 +175,7 @@ TEST(EventMarks, TheUtcOfAnEventIsThatOfItsEntry) {
     marks.take_segment(segment, 2);
     EventLines lines;
     lines.add(bytes_of(line + "\n"));
-    marks.take_lines(std::move(lines), segment.file.file);
+    marks.take_lines(lines, segment.file.file);
     FindingList findings;
     marks.finish({}, findings);
     return findings.has("event-time-differs");
@@ -205,7 +204,7 @@ TEST(EventMarks, TheEndOfALineThatWasCutOffIsNoLine) {
     EventLines lines;
     lines.add(bytes_of(line + "\n" + line.substr(0, 20)));
     if (is_whole) lines.end();
-    marks.take_lines(std::move(lines), segment.file.file);
+    marks.take_lines(lines, segment.file.file);
     FindingList findings;
     marks.finish({}, findings);
     EXPECT_EQ(findings.has("event-not-committed"), is_whole);
