@@ -72,6 +72,8 @@ Objection ProcedureBook::objection(const ProcedureRule& rule, const ProcedureCho
       is_done = is_done || is_since(kept.received);
       continue;
     }
+    // Its number is somebody else's now.
+    if (kept.doubt == Doubt::kOneAppointment) continue;
     const PlannedHere its = planned_here(rule, kept, begun);
     if (its.is_unclear || its.is_absent || its.time - begun.utc <= kFurthestAhead) is_planned_now = true;
     if (taken.is_by_plan && is_another_identity(about, kept.message.data)) is_renamed = true;

@@ -38,7 +38,7 @@ TEST(DiskHours, ReckonsWhatHasNoBitRateBySizeAndRateOfItsPictures) {
   };
   EXPECT_DOUBLE_EQ(rate(Profile::kUncompressed, "synthetic:endoscope?size=64x48&rate=5"), 64 * 48 * 2 * 5);
   EXPECT_DOUBLE_EQ(rate(Profile::kLossless, "/dev/video0?size=1280x720&rate=30000/1001"),
-                   1280 * 720 * 2 * 30000 / 1001.0 * 0.6);
+                   1280 * 720 * 2 * (30000 / 1001.0) * 0.6);
   constexpr double kUsual = 1920 * 1080 * 2 * 30;
   for (const char* source : {"rtsp://10.0.0.1/a", "/dev/video0", "", "/dev/video0?size=x&rate=fast"})
     EXPECT_DOUBLE_EQ(rate(Profile::kUncompressed, source), kUsual) << source;
