@@ -55,11 +55,16 @@ std::optional<ShippingList::LockLook> LockLengthening::left(ShippingList& list,
 
 /// Whether there is anything to do now, as look_ says.
 bool LockLengthening::is_to_be_looked_at() {
+  const std::optional<ShippingList::LockLook> known = list_.lock_look();
+  if (!known) {
+    // Also by a list that is new, and an archive without anything: the store may have what is not here.
+    look_ = {.retention = retention_};
+    return true;
+  }
   const std::optional<ShippingList::LockLook> left_now = left(list_, retention_);
   if (!left_now) {
     // What is put from now on is locked for less, and counts when more is asked for again.
-    if (const auto known = list_.lock_look(); !known || known->retention != retention_)
-      list_.set_lock_look({.retention = retention_, .finished = true});
+    if (known->retention != retention_) list_.set_lock_look({.retention = retention_, .finished = true});
     return false;
   }
   look_ = *left_now;

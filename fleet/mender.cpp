@@ -429,9 +429,32 @@ class Mender::Pass {
     for (const UnfitFile& each : fetched_.unfit) {
       if (!erased_files_.contains(each.path) || each.older_fits) continue;
       fs::remove(fetched_.folder / each.path);
-      told_.insert(each.path);
       result_.erased.insert(each.path);
+      if (const std::string why = why_the_store_was_to_keep(each.path); why.empty()) {
+        told_.insert(each.path);
+      } else {
+        leave(each.path, why);
+      }
     }
+  }
+  /// The appliance erased its own on the strength of the store's lock. "" where none holds any more.
+  std::string why_the_store_was_to_keep(const std::string& path) {
+    const std::string erased = "the appliance erased it, so that no copy is put again, and the store ";
+    if (erased_looked_at_ == kMostInVain) return erased + "has other bytes, or none";
+    ++erased_looked_at_;
+    const std::string prefix = appliance_ + "/" + case_id_ + "/";
+    const ObjectLocks own = locks_of(*mender_.store_, prefix + path);
+    if (own.legal_hold) return erased + "has other bytes, under legal hold";
+    if (own.longest) {
+      if (*own.longest <= mender_.clock_.utc()) return "";
+      return erased + "has other bytes, locked until " + format_utc(*own.longest);
+    }
+    // Of what it lists and does not give it tells no lock. The ledger came when the case was closed.
+    const ObjectLocks ledger = locks_of(*mender_.store_, prefix + std::string(archive::kLedgerFile));
+    if (ledger.legal_hold) return erased + "lists it and does not give it, of a case under legal hold";
+    if (!ledger.first || *ledger.first <= mender_.clock_.utc()) return "";
+    return erased + "lists it and does not give it, though it keeps the case's ledger until " +
+           format_utc(*ledger.first);
   }
 
   /// Segments that only lines behind the signed ones say to be erased: whoever can put makes such lines.
@@ -599,7 +622,7 @@ class Mender::Pass {
   std::map<std::uint64_t, SignedCheckpoint> signed_, alone_;  // as they must be; by Ed25519 alone
   std::map<std::uint64_t, std::string> unsigned_;             // and why they stay so
   std::map<std::uint64_t, Candidate> notes_;                  // to be put
-  std::uint64_t sought_ = 0, notes_in_vain_ = 0, files_in_vain_ = 0;
+  std::uint64_t sought_ = 0, notes_in_vain_ = 0, files_in_vain_ = 0, erased_looked_at_ = 0;
   std::string doubts_, details_;         // of the copies that were asked last
   std::string refused_;                  // why nothing more is put
   std::set<std::string> told_;           // mended, left or erased

@@ -35,8 +35,9 @@ struct Mending {
   std::vector<MendedFile> mended;
   std::vector<UnmendedFile> left;
   std::uint64_t more_left = 0;  // beyond those that are named
-  /// Files that signed lines say to be erased, and of which the store has not, or not any more, the recorded
-  /// bytes: they are not put again. What lay in their place is not in the folder any more.
+  /// Files that signed lines say to be erased, and of which the store has other bytes than the recorded ones,
+  /// or gives none: they are not put again. What lay in their place is not in the folder any more. Those that
+  /// the store was to keep, by a lock that has not ended or by a legal hold, are left, too.
   std::set<std::string> erased = {};
   bool has_other_ledger = false;  // put in place of the one that was looked at
   [[nodiscard]] std::uint64_t left_count() const { return left.size() + more_left; }

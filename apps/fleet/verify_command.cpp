@@ -238,7 +238,8 @@ void add_fleet_verify_command(Command& program) {
       "what could not be, stands in the log of the home that [mending] names ('kiroku log'). The verdict is "
       "that of the store after it was mended. What could not be mended makes the exit status 3 at least. "
       "Film "
-      "that the appliance erased, as signed lines of the ledger say, is never put again.");
+      "that the appliance erased, as signed lines of the ledger say, is never put again. Where it is damaged "
+      "in the store and still locked or held there, it counts as what could not be mended.");
   command.explain(
       "Where the appliance's log says that a case is under legal hold and the store does not hold all of it, "
       "the line of the case says so, and the exit status is 3 at least. The verdict stays: it is of what is "

@@ -219,8 +219,11 @@ int mend(const Request& request, const Home& home, fleet::ObjectStore&& store, c
       print_error("kiroku", "could not mend " + each.path + ": " + each.told());
     if (all.more_left > 0)
       print_error("kiroku", "could not mend " + std::to_string(all.more_left) + " more of its files");
-    for (const std::string& each : all.erased)
-      std::cout << "erased " << printable(each) << ": the store has it no longer, and it is not put again\n";
+    for (const std::string& each : all.erased) {
+      if (std::ranges::find(all.left, each, &fleet::UnmendedFile::path) == all.left.end())
+        std::cout << "erased " << printable(each)
+                  << ": the store has it no longer, and it is not put again\n";
+    }
     if (all.mended.empty() && all.left.empty() && all.erased.empty())
       std::cout << "The store has what was signed of " << case_id << ": nothing is to be mended.\n";
   }
@@ -291,7 +294,9 @@ void add_ship_command(Command& program) {
       "from "
       "the store, so its access key must be let do that. The damaged version stays; the recorded bytes "
       "become a new one under the same lock. The appliance log states each object before it is put, and "
-      "afterwards. Exit status 3 says that something could not be mended.");
+      "afterwards. Exit status 3 says that something could not be mended. So it does of what was erased "
+      "here, "
+      "is damaged in the store, and is still locked there: it is not put again.");
   const auto request = std::make_shared<Request>();
   command.flag("--follow", request->follow, "goes on until Ctrl-C, as kiroku-ship.service does");
   command.flag("--status", request->status,

@@ -42,6 +42,15 @@ void print_comparison(const compare::Comparison& comparison, const PlanAtHand& a
     }
   }
   std::cout << format_table(rows, "lrrrr", 2);
+  for (const compare::Mark& mark : comparison.matching.ambiguous) {
+    std::cout << "  the mark at " << archive::case_time_text(mark.time_ns, comparison.case_begins_ns)
+              << " names a step among other words, and neither begins nor ends it: \"" << printable(mark.text)
+              << "\"\n";
+  }
+  if (comparison.record.events_lacking > 0) {
+    std::cout << "  events to which the ledger commits and whose lines are not there: "
+              << comparison.record.events_lacking << "; any of them may have marked a step\n";
+  }
   for (const compare::ToolDistance& tool : comparison.tools) {
     std::cout << "  " << printable(at_hand.plan.tools[tool.tool].tool.name) << ": "
               << number_text(tool.all.mean_px, 3) << " pixels from its planned way on average, "
@@ -221,6 +230,9 @@ void tell_steps(const compare::Comparison& comparison, const PlanAtHand& at_hand
                      {"duration_s", planned.duration_s}});
   }
   for (const compare::StepMatch& match : comparison.matching.matches) found.push_back(found_json(match));
+  ordered_json ambiguous = ordered_json::array();
+  for (const compare::Mark& mark : comparison.matching.ambiguous)
+    ambiguous.push_back({{"time_ns", mark.time_ns}, {"text", mark.text}});
   for (const auto& each : at_hand.plan.tools) tools.push_back(each.tool.name);
   print_json({{"plan", at_hand.plan.name},
               {"seal", crypto::to_hex(at_hand.seal)},
@@ -230,6 +242,7 @@ void tell_steps(const compare::Comparison& comparison, const PlanAtHand& at_hand
               {"end_ns", comparison.recording_end_ns},
               {"steps", std::move(steps)},
               {"found", std::move(found)},
+              {"ambiguous_marks", std::move(ambiguous)},
               {"tools", std::move(tools)}});
 }
 

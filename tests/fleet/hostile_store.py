@@ -485,6 +485,18 @@ def locks_are_lengthened(attack):
     status, told, said = shipped()
     require(status == 3 and "its lists are in no order" in said, f"a list in no order: {told}, {said}")
     store.listing = lambda query: None
+    # A list that is new, of an archive that has nothing any more: the store has it.
+    for each in appliance.home.glob("shipping-*.sqlite"):
+        each.unlink()
+    archive, aside = appliance.home / "archive", appliance.home / "aside"
+    archive.rename(aside)
+    archive.mkdir()
+    status, told, _ = shipped()
+    locked = sum(UNTIL in version.headers for key, found in store.objects.items() if "/probe/" not in key for version in found)
+    require(told["lengthened"] == locked and last(60), f"by a new list: {told}, of {locked}")
+    archive.rmdir()
+    aside.rename(archive)
+    asked_for(90)
     # In small steps, as the service does it, and after it was killed it goes on.
     for _ in range(1200):
         old = store.put(mended.replace("00000000", f"{store.count:08d}"), b"old", {MODE: "COMPLIANCE", UNTIL: until[mended]})
@@ -508,9 +520,49 @@ def locks_are_lengthened(attack):
     require(status == 3 and told["locks_left"]["looked_at"] >= len(first) - 64, f"a killed one is not remembered: {told}")
     status, told, _ = shipped()
     again = set(first) & set(set_so_far())
-    require(status == 0 and told["locks_left"] is None and last(60) and not again, f"{len(again)} were lengthened twice: {told}")
+    require(status == 0 and told["locks_left"] is None and last(90) and not again, f"{len(again)} were lengthened twice: {told}")
     toml.write_text(before, encoding="utf-8")
     appliance.kiroku("ship")
+
+
+def erased_film_is_damaged(attack):
+    """The appliance erased its own because the store keeps it: that its disks do not is told, as long as they were to."""
+    appliance, store = attack.appliance, attack.store
+    case = appliance.recorded(3)
+    appliance.kiroku("ship")
+    appliance.kiroku("erase", case, "--stream", "endoscope", "--policy", "reviewed")
+    appliance.kiroku("ship")
+    path = "segments/endoscope/00000000.ts.age"
+    key = f"or-1/{case}/{path}"
+    (version,) = store.objects[key]
+
+    def mended():
+        done = appliance.ask("ship", "--mend", case, "--json")
+        told = json.loads(done.stdout)
+        require(told["mended"] == [] and len(store.objects[key]) == 1, f"it was put again: {told}")
+        return done.returncode, {each["file"]: each["why"] for each in told["not_mended"]}, told["erased"]
+
+    require(mended() == (0, {}, []), "a sound store is not whole")
+    version.body = bytes([version.body[0] ^ 1]) + version.body[1:]
+    status, left, erased = mended()
+    require(status == 3 and list(left) == [path] and "has other bytes, locked until" in left[path] and erased == [path], f"damaged under its lock: {status}, {left}")
+    done = appliance.ask("ship", "--mend", case)
+    require(done.returncode == 3 and f"could not mend {path}" in done.stderr and path not in done.stdout, f"told: {done}")
+    entries = json.loads(appliance.kiroku("log", "--json"))["entries"]
+    said = [each["what"] for each in entries if each["type"] == "access" and each["case"] == case and path in each["what"]]
+    require(len(said) == 1 and said[0].startswith(f"could not mend {path}: the appliance erased it"), f"the log says {said}")
+    store.status_of = lambda method, asked, query: (404, b"<Error><Code>NoSuchKey</Code></Error>") if asked == key and method in ("GET", "HEAD") else None
+    status, left, erased = mended()
+    require(status == 3 and "lists it and does not give it" in left[path] and erased == [path], f"lost, and still listed: {status}, {left}")
+    store.status_of = lambda *_: None
+    version.headers.update({HOLD: "ON", UNTIL: "2020-01-01T00:00:00Z"})
+    status, left, _ = mended()
+    require(status == 3 and "under legal hold" in left[path], f"damaged under a legal hold: {status}, {left}")
+    version.headers[HOLD] = "OFF"
+    require(mended() == (0, {}, [path]), "what nobody was to keep any more is missed")
+    del store.objects[key]
+    done = appliance.ask("ship", "--mend", case)
+    require(done.returncode == 0 and "nothing is to be mended" in done.stdout, f"removed after its time: {done}")
 
 
 def a_log_published_meanwhile(attack):
@@ -597,7 +649,8 @@ def main():
         pathlib.Path(name).chmod(0o755)
         attack = Attack(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(name))
         for attempt in (truth, another_case, endless_lists, names, versions, sizes, nothing_at_all, the_end_withheld, unconfirmed,
-                        holds_lifted_below_the_appliance, locks_are_lengthened, a_log_published_meanwhile, catalogue):
+                        holds_lifted_below_the_appliance, locks_are_lengthened, erased_film_is_damaged, a_log_published_meanwhile,
+                        catalogue):
             attempt(attack)
             attack.anew()
             print(f"holds: {attempt.__name__.replace('_', ' ')}", flush=True)

@@ -749,11 +749,10 @@ def main():
         store = Store(started.stdout.strip())
         store.make_bucket("recordings")
         appliance = Appliance(programs, scratch / "home", store.endpoint, "recordings")
-        for promise in (closed_cases_are_whole_in_the_store, nothing_is_put_twice, a_killed_shipper_goes_on,
+        for promise in (closed_cases_are_whole_in_the_store, longer_locks_reach_what_is_there, nothing_is_put_twice, a_killed_shipper_goes_on,
                         a_running_case_goes_meanwhile, a_destroyed_appliances_case_reads_as_cut_off,
                         another_machine_gets_the_cases_back, another_device_states_what_a_lost_appliance_shipped,
                         an_appliance_of_the_same_name_is_told, another_store_has_another_list, locks_hold,
-                        longer_locks_reach_what_is_there,
                         what_the_store_holds_may_be_erased, what_is_held_stays_here_and_there,
                         what_is_lifted_in_the_store_is_set_again, a_running_case_is_held, a_file_that_cannot_go_keeps_no_other_from_going,
                         the_logs_tree_is_published_there, what_is_wrong_is_said):

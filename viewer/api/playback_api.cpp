@@ -334,9 +334,10 @@ class PlaybackApi {
     }
     ordered_json marks = ordered_json::array();
     try {
-      for (const playback::TimelineMark& mark : open(request, identities)->marks()) {
+      const playback::TimelineMarks found = open(request, identities)->marks();
+      for (const playback::TimelineMark& mark : found.marks)
         marks.push_back({{"time_ns", mark.time_ns}, {"text", mark.text}});
-      }
+      timeline["events_lacking"] = found.events_lacking;
     } catch (const crypto::AgeError& error) {
       // kNoMatch: unlocked, for others' recordings.
       if (error.failure() != crypto::AgeFailure::kNoMatch) timeline["marks_problem"] = error.what();

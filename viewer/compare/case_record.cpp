@@ -107,6 +107,7 @@ CaseRecord read_case_record(const archive::CaseReader& recording, const crypto::
       });
     }
   }
+  record.events_lacking = committed.lacking();
   const auto time_of = [](const auto& entry) { return entry.time_ns; };
   std::ranges::stable_sort(record.marks, {}, time_of);
   std::ranges::stable_sort(record.alarms, {}, time_of);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <compare>
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -57,6 +58,8 @@ struct CaseRecord {
   std::map<VitalKey, VitalSeries> vitals;  // waveforms are left out
   std::vector<AlarmStart> alarms;
   LeftOut left_out;
+  /// Events to which the ledger commits and whose lines are not there: any of them may be a mark.
+  std::size_t events_lacking = 0;
 };
 
 /// Marks of all events streams and numbers of all streams of vital signs. kiroku::Error naming the segment

@@ -356,6 +356,8 @@ std::string comparison_json(const Comparison& comparison, const sim::Plan& plan,
   document["in_planned_order"] = comparison.matching.in_planned_order();
   document["steps"] = steps_json(comparison);
   document["repeated_marks"] = marks_json(comparison.matching.repeated);
+  document["events_lacking"] = comparison.record.events_lacking;
+  document["ambiguous_marks"] = marks_json(comparison.matching.ambiguous);
   document["other_marks"] = marks_json(comparison.matching.unmatched);
   document["time_map"] = map_json(comparison.map);
   document["vital_window_ns"] = kVitalWindowNs;

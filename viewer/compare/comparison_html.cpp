@@ -215,6 +215,15 @@ class Page {
       add("<p>A step was marked once more at " + time(mark.time_ns) + ": “" + escaped(mark.text) +
           "”.</p>\n");
     }
+    for (const Mark& mark : comparison_.matching.ambiguous) {
+      add("<p>A mark at " + time(mark.time_ns) +
+          " names a step among other words, and was taken for neither its beginning nor its end: “" +
+          escaped(mark.text) + "”.</p>\n");
+    }
+    if (comparison_.record.events_lacking > 0) {
+      add("<p>Events to which the ledger commits and whose lines are not there: " +
+          std::to_string(comparison_.record.events_lacking) + ". Any of them may have marked a step.</p>\n");
+    }
     if (comparison_.map && !comparison_.map->monotone())
       add("<p>As the order differs, each step has a time map of its own.</p>\n");
   }

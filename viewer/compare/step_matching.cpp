@@ -13,6 +13,8 @@ namespace kiroku::compare {
 namespace {
 
 constexpr std::array<std::string_view, 6> kEnds{"end", "ends", "ended", "done", "finished", "over"};
+constexpr std::array<std::string_view, 5> kBegins{"begin", "begins", "start", "starts", "started"};
+constexpr std::array<std::string_view, 3> kFillers{"now", "of", "the"};
 constexpr std::array<std::string_view, 4> kResumes{"resume", "resumed", "continue", "go on"};
 constexpr std::array<std::string_view, 2> kPauses{"pause", "paused"};
 
@@ -52,9 +54,25 @@ bool is_one_of(const std::string& text, const std::array<std::string_view, kCoun
   return std::ranges::find(words, text) != words.end();
 }
 
-bool says_end(const std::string& text) {
-  return std::ranges::any_of(
-      kEnds, [&](std::string_view word) { return find_words(text, word) != std::string::npos; });
+/// What words beside a name say of the step; kNothing: anything else, or both.
+enum class Says { kBeginning, kEnding, kNothing };
+Says said_by(const std::string& words) {
+  bool begins = false, ends = false;
+  std::size_t at = 0;
+  while (at < words.size()) {
+    const std::size_t end = std::min(words.find(' ', at), words.size());
+    const std::string word = words.substr(at, end - at);
+    at = end + 1;
+    if (is_one_of(word, kEnds)) {
+      ends = true;
+    } else if (is_one_of(word, kBegins)) {
+      begins = true;
+    } else if (!is_one_of(word, kFillers)) {
+      return Says::kNothing;
+    }
+  }
+  if (begins && ends) return Says::kNothing;
+  return ends ? Says::kEnding : Says::kBeginning;
 }
 
 /// "step 3 …": its number from 0 and the rest of the text.
@@ -71,21 +89,34 @@ std::optional<std::pair<std::size_t, std::string>> numbered_step(const std::stri
   return std::pair(number - 1, without(text, at, static_cast<std::size_t>(end - text.data()) - at));
 }
 
-/// Whom a mark means: the name, and what else it says.
+/// Whom a mark means: the name, and what it says of it.
 struct Meaning {
   std::optional<std::size_t> step;  // where it was told by its number
   std::string name;                 // else
-  std::string rest;
+  Says says = Says::kNothing;
 };
 
+/// Nothing where it names no step. Of several readings the one that says something, and of these the one by
+/// the longest name.
 std::optional<Meaning> meaning_of(const std::string& text, const std::vector<std::string>& names) {
-  if (auto numbered = numbered_step(text, names.size()))
-    return Meaning{numbered->first, {}, std::move(numbered->second)};
   std::optional<Meaning> best;
+  const auto consider = [&](Meaning meaning) {
+    const auto rank = [](const Meaning& each) {
+      return std::pair(each.says != Says::kNothing, each.name.size());
+    };
+    if (!best || rank(meaning) > rank(*best)) best = std::move(meaning);
+  };
   for (const std::string& name : names) {
     const std::size_t at = find_words(text, name);
-    if (at == std::string::npos || (best && best->name.size() >= name.size())) continue;
-    best = Meaning{{}, name, without(text, at, name.size())};
+    if (at != std::string::npos) consider({{}, name, said_by(without(text, at, name.size()))});
+  }
+  if (best && best->says != Says::kNothing) return best;
+  if (const auto numbered = numbered_step(text, names.size())) {
+    const auto& [step, rest] = *numbered;
+    // "step 3: hold" says the same twice.
+    const std::size_t at = find_words(rest, names[step]);
+    const Says says = said_by(at == std::string::npos ? rest : without(rest, at, names[step].size()));
+    if (says != Says::kNothing || !best) return Meaning{step, {}, says};
   }
   return best;
 }
@@ -131,7 +162,9 @@ class MarkReader {
     const auto meaning = meaning_of(text, names_);
     if (!meaning) {
       take_bare(mark, text);
-    } else if (says_end(meaning->rest)) {
+    } else if (meaning->says == Says::kNothing) {
+      ambiguous.push_back(mark);
+    } else if (meaning->says == Says::kEnding) {
       end(mark, *meaning);
     } else {
       begin(mark, *meaning);
@@ -143,7 +176,7 @@ class MarkReader {
   }
 
   std::vector<StepMatch> matches;
-  std::vector<Mark> repeated, unmatched;
+  std::vector<Mark> repeated, ambiguous, unmatched;
 
  private:
   /// Of steps of that name the first that has not begun.
@@ -258,6 +291,7 @@ StepMatching match_by_marks(std::span<const PlannedStep> steps, std::span<const 
   reader.finish(recording_end_ns);
   StepMatching matching = completed(steps, std::move(reader.matches), recording_end_ns);
   matching.repeated = std::move(reader.repeated);
+  matching.ambiguous = std::move(reader.ambiguous);
   matching.unmatched = std::move(reader.unmatched);
   return matching;
 }

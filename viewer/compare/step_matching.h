@@ -47,6 +47,7 @@ struct StepMatching {
   std::vector<StepMatch> matches;    // in order of time; none overlaps another
   std::vector<std::size_t> missing;  // planned steps that were not found
   std::vector<Mark> repeated;        // marks that name a step which had begun before
+  std::vector<Mark> ambiguous;       // marks that name a step, and may say anything of it
   std::vector<Mark> unmatched;       // marks that name no step and end none
 
   /// The match of a planned step, or null.
@@ -55,12 +56,14 @@ struct StepMatching {
   [[nodiscard]] bool in_planned_order() const;
 };
 
-/// A mark begins the step that it names: "step 3", or a text that is the step's name or has it as whole words
-/// in it (upper and lower case and punctuation count for nothing; the longest name wins). With "end", "ends",
-/// "ended", "done", "finished" or "over" beside the name it ends that step instead. "pause" alone interrupts
-/// the step that runs, "resume", "continue" or "go on" takes it up, "end" or "done" alone ends it. Of steps
-/// of the same name the first in the plan is the first in the recording. A step nobody ended lasts until the
-/// next one begins, the last until `recording_end_ns`. Marks in any order.
+/// A mark begins the step that it names: a text that is the step's name or "step 3", or both (upper and lower
+/// case and punctuation count for nothing; the longest name wins). Beside it only "now", "begin", "begins",
+/// "start", "starts", "started", "of" and "the" may stand. With "end", "ends", "ended", "done", "finished" or
+/// "over" in the place of "begin" or "start" it ends that step instead. One with any other word beside a name
+/// may say that it is not begun, and is ambiguous. "pause" alone interrupts the step that runs, "resume",
+/// "continue" or "go on" takes it up, "end" or "done" alone ends it. Of steps of the same name the first in
+/// the plan is the first in the recording. A step nobody ended lasts until the next one begins, the last
+/// until `recording_end_ns`. Marks in any order.
 StepMatching match_by_marks(std::span<const PlannedStep> steps, std::span<const Mark> marks,
                             std::int64_t recording_end_ns);
 

@@ -13,9 +13,10 @@
 
 namespace kiroku::playback {
 
-void for_each_event(const CaseMedia& media, const std::function<void(const nlohmann::json& event)>& visit) {
+std::size_t for_each_event(const CaseMedia& media,
+                           const std::function<void(const nlohmann::json& event)>& visit) {
   archive::CommittedEvents committed(media.recording());
-  if (committed.lacking() == 0) return;
+  if (committed.lacking() == 0) return 0;
   for (const archive::StreamInfo& stream : media.recording().opening().streams) {
     if (stream.kind != "events" || archive::is_pointing(stream)) continue;
     for (const archive::SegmentEntry& segment :
@@ -31,6 +32,7 @@ void for_each_event(const CaseMedia& media, const std::function<void(const nlohm
                            });
     }
   }
+  return committed.lacking();
 }
 
 }  // namespace kiroku::playback

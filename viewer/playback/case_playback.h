@@ -73,7 +73,7 @@ class CasePlayback {
   /// Of a stream of vital signs, made at the first call: then the case's vital signs begin to be read.
   CaseVitals& vitals(const std::string& stream);
   /// What the operator marked.
-  [[nodiscard]] std::vector<TimelineMark> marks() const { return marks_of(media_); }
+  [[nodiscard]] TimelineMarks marks() const { return marks_of(media_); }
   /// Where people pointed (viewer/playback/case_pointing.h).
   [[nodiscard]] std::vector<PointingStroke> pointing_strokes() const {
     return playback::pointing_strokes(media_);

@@ -104,15 +104,14 @@ Timeline timeline_of(const archive::CaseReader& recording, const timestamp::Trus
   return timeline;
 }
 
-std::vector<TimelineMark> marks_of(const CaseMedia& media) {
-  std::vector<TimelineMark> marks;
-  for_each_event(media, [&](const nlohmann::json& event) {
+TimelineMarks marks_of(const CaseMedia& media) {
+  TimelineMarks found;
+  found.events_lacking = for_each_event(media, [&](const nlohmann::json& event) {
     if (event.value("kind", "") != "mark") return;
-    marks.push_back({event.value("time_ns", std::int64_t{0}), event.value("text", std::string())});
+    found.marks.push_back({event.value("time_ns", std::int64_t{0}), event.value("text", std::string())});
   });
-  std::stable_sort(marks.begin(), marks.end(),
-                   [](const TimelineMark& a, const TimelineMark& b) { return a.time_ns < b.time_ns; });
-  return marks;
+  std::ranges::stable_sort(found.marks, {}, &TimelineMark::time_ns);
+  return found;
 }
 
 }  // namespace kiroku::playback

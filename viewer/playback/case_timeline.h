@@ -2,6 +2,7 @@
 // thread-safe.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -62,8 +63,12 @@ struct TimelineMark {
   std::int64_t time_ns = 0;
   std::string text;
 };
-/// The marks of the events stream, in order of time. Each is what the ledger's commitments say was marked:
-/// others are left out. Throws kiroku::Error as media::SealedSegment::open.
-std::vector<TimelineMark> marks_of(const CaseMedia& media);
+struct TimelineMarks {
+  std::vector<TimelineMark> marks;  // in order of time
+  std::size_t events_lacking = 0;   // to which the ledger commits, and which are not there: marks, or others
+};
+/// The marks of the events stream. Each is what the ledger's commitments say was marked: others are left out.
+/// Throws kiroku::Error as media::SealedSegment::open.
+TimelineMarks marks_of(const CaseMedia& media);
 
 }  // namespace kiroku::playback

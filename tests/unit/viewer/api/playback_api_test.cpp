@@ -186,8 +186,10 @@ TEST_F(PlaybackApiTest, VitalSignsAndTheTimeLineAreJson) {
   EXPECT_EQ(timeline["tokens"][0]["kind"], "self-issued");
   EXPECT_EQ(timeline["brackets"][0]["time"], "self-issued");
   EXPECT_TRUE(timeline.contains("marks"));
+  EXPECT_EQ(timeline["events_lacking"], 0);
   const json of_auditor = json_of(get("timeline", session(Role::kAuditor)));
   EXPECT_FALSE(of_auditor.contains("marks"));
+  EXPECT_FALSE(of_auditor.contains("events_lacking")) << "who cannot open the events does not know";
   EXPECT_EQ(of_auditor["segments"], timeline["segments"]);
 }
 

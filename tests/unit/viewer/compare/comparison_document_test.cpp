@@ -21,8 +21,9 @@ Comparison sample() {
   comparison.steps = {{"<script>alert(1)</script>", 0, 2}, {"Clip & cut", 2, 1}, {"Close", 3, 1}};
   const std::vector<Mark> marks{{2 * kSecond, "clip & cut"},
                                 {4 * kSecond, "done"},
-                                {5 * kSecond, "step 1: <b>now</b>"},
-                                {9 * kSecond, "step 1"}};
+                                {5 * kSecond, "step 1: <now>"},
+                                {9 * kSecond, "step 1"},
+                                {9 * kSecond, "not <b>step 1</b>"}};
   comparison.matching = match_by_marks(comparison.steps, marks, 10 * kSecond);
   comparison.map.emplace(comparison.steps, comparison.matching);
   comparison.stream = "endoscope";
@@ -31,6 +32,7 @@ Comparison sample() {
   for (int second = 0; second < 10; ++second)
     systolic.numbers.push_back({second * kSecond, second < 3 ? 120.0 : 85.0});
   comparison.record.vitals[{"MDC_PRESS_BLD_ART_ABP_SYS", ""}] = systolic;
+  comparison.record.events_lacking = 2;
   comparison.figures = figures_of(comparison.steps, comparison.matching, comparison.record);
   return comparison;
 }
@@ -60,6 +62,8 @@ TEST(ComparisonDocument, SaysWhatWasFoundAndIsReadBack) {
   EXPECT_EQ(document["steps"][1]["pressure_events"][0]["text"], "systolic pressure 85.0 mmHg, below 90");
   EXPECT_EQ(document["steps"][2]["done"], nullptr);
   EXPECT_EQ(document["repeated_marks"][0]["text"], "step 1");
+  EXPECT_EQ(document["ambiguous_marks"][0]["text"], "not <b>step 1</b>");
+  EXPECT_EQ(document["events_lacking"], 2);
   EXPECT_EQ(document["time_map"]["pieces"][0]["knots"][1], nlohmann::json::parse("[3, 4000000000]"));
   EXPECT_EQ(document["registration"], nullptr);
   EXPECT_EQ(document["case"]["verified"], false);
@@ -95,6 +99,9 @@ TEST(ComparisonDocument, IsAPageInWhichNoNameIsMarkup) {
       page,
       HasSubstr("2 of 3 planned steps were found in the recording, <b>in another order than planned</b>"));
   EXPECT_THAT(page, HasSubstr("Not found: 3. Close."));
+  EXPECT_THAT(page, HasSubstr("names a step among other words"));
+  EXPECT_THAT(page, HasSubstr("not &lt;b&gt;step 1&lt;/b&gt;"));
+  EXPECT_THAT(page, HasSubstr("whose lines are not there: 2."));
   EXPECT_THAT(page, HasSubstr("was recorded by another plan"));
   EXPECT_THAT(page, HasSubstr("data:image/png;base64,cG5n"));
   EXPECT_THAT(page, HasSubstr("default-src 'none'"));

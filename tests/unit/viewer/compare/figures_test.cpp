@@ -169,6 +169,7 @@ TEST(CaseRecord, IsWhatTheCaseHoldsOfMarksNumbersAndAlarms) {
                         reader.recipients));
   const CaseRecord record = read_case_record(recording, reader.identities);
   EXPECT_THAT(record.marks, ElementsAre(Mark{1'500'000'000, "clip \"a\""}));
+  EXPECT_EQ(record.events_lacking, 0U);
   ASSERT_EQ(record.vitals.size(), 2U) << "two devices are two series";
   const auto& [key, of_monitor] = *record.vitals.begin();
   EXPECT_EQ(key.device, "oximeter");

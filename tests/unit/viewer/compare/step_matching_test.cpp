@@ -47,6 +47,33 @@ TEST(StepMatching, TakesWholeWordsAndTheLongestName) {
   EXPECT_THAT(steps_of(match_by_marks(nested, marks, kEnd)), ElementsAre(1, 0));
 }
 
+TEST(StepMatching, ANameAmongOtherWordsBeginsNothing) {
+  const std::vector<Mark> marks{
+      {1, "do not hold yet"},    {2, "threshold, then hold"},  {3, "hold, then retract forceps"},
+      {4, "step 3 not reached"}, {5, "step 2: hold"},          {6, "hold the camera"},
+      {7, "hold not done"},      {8, "begin the end of hold"}, {9, "hold hold"}};
+  const StepMatching matching = by_marks(marks);
+  EXPECT_TRUE(matching.matches.empty());
+  EXPECT_EQ(matching.ambiguous, (std::vector<Mark>{marks[0], marks[1], marks[2], marks[3], marks[4], marks[5],
+                                                   marks[6], marks[7], marks[8]}));
+  EXPECT_TRUE(matching.unmatched.empty());
+  // None of them ends what runs, either.
+  const StepMatching running = by_marks({{1, "hold"}, {2, "hold not done"}, {3, "over the hold artery"}});
+  ASSERT_THAT(steps_of(running), ElementsAre(2));
+  EXPECT_EQ(running.matches[0].span.end_ns, kEnd);
+  EXPECT_EQ(running.ambiguous.size(), 2U);
+}
+
+TEST(StepMatching, FewWordsMayStandBesideAName) {
+  EXPECT_THAT(steps_of(by_marks({{1, "start of the hold"}, {2, "Now: grasp forceps begins."}})),
+              ElementsAre(2, 0));
+  EXPECT_THAT(steps_of(by_marks({{1, "step 3: hold"}, {2, "begin step 1"}})), ElementsAre(2, 0));
+  // A name with such words, or with a number in it, is a name.
+  const std::vector<PlannedStep> named{{"hold", 0, 1}, {"end of step 1", 1, 1}, {"start", 2, 1}};
+  EXPECT_THAT(steps_of(match_by_marks(named, std::vector<Mark>{{1, "end of step 1"}, {2, "start"}}, kEnd)),
+              ElementsAre(1, 2));
+}
+
 TEST(StepMatching, GivesStepsOfTheSameNameInTheOrderOfThePlan) {
   const StepMatching matching =
       by_marks({{1, "retract forceps"}, {5, "retract forceps"}, {9, "retract forceps"}});

@@ -111,14 +111,33 @@ TEST_F(CaseTimelineTest, GapsAndErasedSegmentsAreThere) {
 TEST_F(CaseTimelineTest, MarksAreThoseThatWereCommittedTo) {
   const auto folder = record({"clip placed", "鉗子"});
   const CaseMedia media(archive::CaseReader::open(folder), reader_.identities);
-  EXPECT_THAT(marks_of(media),
+  EXPECT_THAT(marks_of(media).marks,
               ElementsAre(Field(&TimelineMark::text, "clip placed"), Field(&TimelineMark::text, "鉗子")));
-  EXPECT_GE(marks_of(media)[0].time_ns, kFirstMarkNs);
+  EXPECT_GE(marks_of(media).marks[0].time_ns, kFirstMarkNs);
+  EXPECT_EQ(marks_of(media).events_lacking, 0U);
   // Without the ledger's commitments (the rewritten case has none) nobody can tell that they were marked.
   const test::RecordedCase recorded(folder, reader_.identities);
   const auto rewritten = test::rewrite_case(bench_ / "rewritten", recorded, reader_.recipients,
                                             [](const archive::SegmentEntry&) { return test::Fate::kKept; });
-  EXPECT_THAT(marks_of(CaseMedia(archive::CaseReader::open(rewritten), reader_.identities)), IsEmpty());
+  EXPECT_THAT(marks_of(CaseMedia(archive::CaseReader::open(rewritten), reader_.identities)).marks, IsEmpty());
+}
+
+TEST_F(CaseTimelineTest, EventsWhoseLinesAreNotThereAreCounted) {
+  const auto line = [](const std::string& kind) {
+    return to_bytes(R"({"salt":")" + std::string(64, '0') + R"(","event":"{\"time_ns\":1,\"kind\":\")" +
+                    kind + R"(\",\"text\":\"x\"}"})" + "\n");
+  };
+  const auto folder = test::record_case(bench_ / "lacking",
+                                        {{.name = "events",
+                                          .kind = "events",
+                                          .media = "application/jsonl",
+                                          .segments = {line("subject-missing"), line("mark")},
+                                          .units = {1, 1},
+                                          .first_is_erased = true}},
+                                        reader_.recipients);
+  const TimelineMarks found = marks_of(CaseMedia(archive::CaseReader::open(folder), reader_.identities));
+  EXPECT_THAT(found.marks, ElementsAre(Field(&TimelineMark::text, "x")));
+  EXPECT_EQ(found.events_lacking, 1U);
 }
 
 }  // namespace

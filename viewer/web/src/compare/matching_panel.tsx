@@ -100,6 +100,11 @@ function StepsPart({ matching, model, playback, pause }: Omit<Props, 'picking'>)
     <>
       <p class="muted plan-made">{t('match.what')}</p>
       <MapPicture matching={matching} playback={playback} />
+      {(matching.plan.value?.ambiguous_marks ?? []).map((mark) => (
+        <p key={`${mark.time_ns} ${mark.text}`} class="muted">
+          {t('match.ambiguous', { time: time(mark.time_ns), text: mark.text })}
+        </p>
+      ))}
       <ol class="matching-steps">
         {steps.map((step) => (
           <li key={step.step} class={step.step === chosen ? 'matching-chosen' : ''} aria-current={step.step === chosen ? 'step' : undefined}>

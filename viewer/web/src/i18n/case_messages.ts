@@ -58,6 +58,7 @@ export const caseEn = {
   'moment.none': 'Nothing to show.',
   'moment.show': 'Show',
   'moment.sealed': 'Marks are sealed with the case.',
+  'moment.lacking': 'Events to which the ledger commits and whose lines are not there (erased, lost, or not sealed yet): {n}. They may be marks.',
 
   'selection.label': 'Selection',
   'selection.clear': 'Clear',
@@ -136,6 +137,7 @@ export const caseJa: Record<keyof typeof caseEn, string> = {
   'moment.none': '表示するものがありません。',
   'moment.show': '表示',
   'moment.sealed': 'マークは症例とともに封印されています。',
+  'moment.lacking': '台帳が約束し、その行がここにない出来事（消去、消失、または未封印）：{n} 件。マークかもしれません。',
 
   'selection.label': '選択範囲',
   'selection.clear': '解除',

@@ -7,6 +7,7 @@ export const matchEn = {
   'match.what':
     'Say when each planned step began: go there and press M, or drag its flag on the time line. A step that was not done is left out; any order will do.',
   'match.map': 'Time map: {n} of {all} steps; case time from left to right, plan time from below',
+  'match.ambiguous': 'The mark at {time} names a step among other words, and neither begins nor ends it: “{text}”',
   'match.undo': 'Undo',
   'match.redo': 'Redo',
   'match.matched': '{n} of {all} steps matched',
@@ -45,6 +46,7 @@ export const matchJa: Record<keyof typeof matchEn, string> = {
   'match.what':
     '計画の各手順がいつ始まったかを指定します。その時点へ移動して M を押すか、タイムライン上の旗を動かします。実施しなかった手順は省き、順序は問いません。',
   'match.map': '時間対応図：{all} 手順中 {n} 手順（横は症例の時間、縦は計画の時間）',
+  'match.ambiguous': '{time} の目印は、ほかの語とともに手順の名を含み、手順の開始とも終了ともしなかった：「{text}」',
   'match.undo': '元に戻す',
   'match.redo': 'やり直す',
   'match.matched': '{all} 手順中 {n} 手順を対応付け済み',

@@ -65,6 +65,11 @@ export function MomentsPanel({ model, playback, alarms, notices, sealed }: Props
           {model.timeline.marks_problem}
         </p>
       )}
+      {(model.timeline.events_lacking ?? 0) > 0 && (
+        <p class="pad" role="status">
+          {t('moment.lacking', { n: model.timeline.events_lacking ?? 0 })}
+        </p>
+      )}
       {sealed && !model.timeline.marks_problem && <p class="muted pad">{t('moment.sealed')}</p>}
       {kinds.length > 1 && (
         <div class="chips" role="group" aria-label={t('moment.show')}>
