@@ -68,8 +68,8 @@ bool LockLengthening::is_to_be_looked_at() {
     return false;
   }
   look_ = *left_now;
-  if (!look_.finished) return true;
   if (failed_at_ && clock_.now() - *failed_at_ < kTriedAgain) return false;
+  if (!look_.finished) return true;
   // Until it is known better what failed is told.
   look_ = {.retention = retention_, .problem = look_.problem};
   return true;
@@ -93,6 +93,7 @@ std::uint64_t LockLengthening::go_on(std::uint64_t& most, const std::function<bo
     list_.keep();
   };
   bool has_stopped = false;
+  const std::string begun_after = look_.after_key;
   try {
     store_.for_each_version_after(prefix_, look_.after_key, [&](const ListedVersion& each) {
       if (!of_object.empty() && of_object.front().key != each.key) {
@@ -100,6 +101,8 @@ std::uint64_t LockLengthening::go_on(std::uint64_t& most, const std::function<bo
         has_stopped = most == 0 || listed_left == 0 || is_ended();
         if (has_stopped) return false;
       }
+      // Ceph begins with the key itself where no version of it is named.
+      if (!begun_after.empty() && each.key == begun_after && look_.after_key == begun_after) return true;
       if (!look_.after_key.empty() && each.key <= look_.after_key)
         throw Error("the store lists '" + printable(each.key) + "' behind '" + printable(look_.after_key) +
                     "': its lists are in no order");
@@ -118,11 +121,13 @@ std::uint64_t LockLengthening::go_on(std::uint64_t& most, const std::function<bo
         failed_at_ = clock_.now();
       }
     }
-  } catch (const StoreError&) {
+  } catch (const StoreError& error) {
+    if (!error.passes()) failed_at_ = clock_.now();
     list_.set_lock_look(look_);
     throw;
   } catch (...) {
     // By a list that makes no sense nobody knows what was looked at.
+    failed_at_ = clock_.now();
     list_.set_lock_look({.retention = retention_});
     throw;
   }

@@ -430,7 +430,14 @@ class Mender::Pass {
       if (!erased_files_.contains(each.path) || each.older_fits) continue;
       fs::remove(fetched_.folder / each.path);
       result_.erased.insert(each.path);
-      if (const std::string why = why_the_store_was_to_keep(each.path); why.empty()) {
+      std::string why;
+      try {
+        why = why_the_store_was_to_keep(each.path);
+      } catch (const StoreError& error) {
+        if (error.passes()) throw;
+        why = error.what();
+      }
+      if (why.empty()) {
         told_.insert(each.path);
       } else {
         leave(each.path, why);

@@ -90,7 +90,7 @@ EventMarks::Mark* EventMarks::next_of(const crypto::Sha256Digest& commitment) {
 
 void EventMarks::finish(const EventsShown& shown, FindingList& findings) {
   // An excerpt need not be of events; of a whole case they are in a segment, where a stream is for them.
-  const bool is_any_due = is_stream_named_ && segments_.empty() && !shown.stretch;
+  const bool is_any_due = streams_ > 0 && segments_.empty() && !shown.stretch;
   if (files_.empty() && !is_any_due) return;
   std::ranges::stable_sort(marks_, {}, &Mark::commitment);
   std::ranges::sort(steps_ns_);
@@ -197,8 +197,9 @@ void EventMarks::judge_marks(const EventsShown& shown, FindingList& findings) {
     const auto last = std::ranges::lower_bound(ends, mark.mono_ns + kToleranceNs);
     const auto from = static_cast<std::size_t>(first - segments_.begin());
     const auto to = static_cast<std::size_t>(last - ends.begin());
-    const bool must_be_there = (shown.is_whole && lacking[count] == 0) ||
-                               (from <= to && to < count && lacking[to + 1] == lacking[from]);
+    const bool must_be_there =
+        (shown.is_whole && lacking[count] == 0) ||
+        (streams_ <= 1 && from <= to && to < count && lacking[to + 1] == lacking[from]);
     if (must_be_there) {
       findings.add("event-missing", {std::string(kLedgerFile), mark.entry},
                    "the mark entry " + std::to_string(mark.entry) +

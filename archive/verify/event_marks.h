@@ -64,7 +64,7 @@ class EventMarks {
   static constexpr std::int64_t kUnenteredNs = 10'000'000'000;
 
   /// `open` names a stream of marks.
-  void take_stream() { is_stream_named_ = true; }
+  void take_stream() { ++streams_; }
   void take_mark(const MarkEntry& mark, const CaseEntry& entry, std::uint64_t number);
   /// The ledger names an events segment, whole or not.
   void take_segment(const SegmentEntry& segment, std::uint64_t number);
@@ -80,8 +80,9 @@ class EventMarks {
   /// stream, that has none.
   ///
   /// A recorder enters the marks of a segment before the segment, and the segments in the order in which it
-  /// sealed them. So whatever became of the case, a line of a counted segment has its entry; and if all
-  /// segments from a mark's entry on to one that ends after it are whole, one of them has its event.
+  /// sealed them. So, where one stream is of marks, whatever became of the case, a line of a counted segment
+  /// has its entry; and if all segments from a mark's entry on to one that ends after it are whole, one of
+  /// them has its event.
   void finish(const EventsShown& shown, FindingList& findings);
 
  private:
@@ -119,7 +120,7 @@ class EventMarks {
   std::vector<Segment> segments_;       // in the ledger's order
   std::vector<std::int64_t> steps_ns_;  // in the ledger's order
   std::optional<std::int64_t> cut_off_ns_;
-  bool is_stream_named_ = false;
+  std::size_t streams_ = 0;  // of marks, that `open` names
 
   std::mutex mutex_;  // guards what follows while workers run
   std::vector<Found> found_;

@@ -238,8 +238,8 @@ inline constexpr auto kFindingCodes = std::to_array<FindingCode>({
      "another "
      "UTC"},
     {"events-not-compared", Severity::kNote,
-     "events and mark entries that were not compared: recording was cut off, or an excerpt does not show the "
-     "others"},
+     "events and mark entries that were not compared: what would show their others is not there whole, or "
+     "was not opened"},
     {"segment-undecryptable", Severity::kTampered, "a segment with the right hash does not decrypt"},
     {"segment-not-for-recipient", Severity::kTampered,
      "open names a recipient of the stream, whose identity was given and does not open a segment of it"},

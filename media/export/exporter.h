@@ -16,7 +16,8 @@ namespace kiroku::media {
 
 /// Behind the number of such lines of events.
 inline constexpr const char* kLeftOutOfEvents =
-    "line(s) were left out: no mark entry of the ledger commits to them, so they are no events of the case; "
+    "line(s) were left out: no mark entry of the ledger commits to them, or not as often, so nothing "
+    "shows that they are events of the case; "
     "'kiroku verify --identity' says more";
 
 struct ExportOptions {

@@ -63,8 +63,12 @@ std::optional<std::string> CaseSubject::why_missing() const {
   if (!looked_for_) return {};
   source_->hurry();
   std::string why = "the case begins without procedure data";
-  if (const Doubt doubt = source_->doubt(begun_at_); doubt != Doubt::kNone)
-    why += "; " + std::string(words_of(doubt));
+  try {
+    if (const Doubt doubt = source_->doubt(begun_at_); doubt != Doubt::kNone)
+      why += "; " + std::string(words_of(doubt));
+  } catch (const std::exception& error) {
+    why += std::string("; procedure data cannot be looked up: ") + error.what();
+  }
   for (const ProcedureWay& way : source_->ways()) why += "; " + way.name + ": " + way.state;
   return why;
 }
@@ -102,7 +106,6 @@ Objection CaseSubject::objection() {
   }
   const ProcedureData& known = *taken_.data;
   if (!named.data || may_be_same_patient(known, *named.data)) return Objection::kNone;
-  if (!named.is_by_plan) return Objection::kAnotherThere;
   // Lists drop what has begun, and the next one stands there alone.
   constexpr std::size_t kToMinutes = 16;
   const std::string planned = known.planned.substr(0, kToMinutes);

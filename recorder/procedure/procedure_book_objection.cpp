@@ -37,7 +37,8 @@ Objection ProcedureBook::objection(const ProcedureRule& rule, const ProcedureCho
   };
   const auto is_since = [&](const Arrival& when) { return begun.by_this_clock(when.at) >= begun.utc; };
 
-  bool is_another_there = false, is_there = false, is_elsewhere = false, has_left = false;
+  bool is_another_there = false, is_another_said = false, is_there = false, is_elsewhere = false,
+       has_left = false;
   bool is_called_off = false, is_renamed = merged.patient != own.patient;
   for (const auto& [key, kept] : placed_) {
     const std::optional<Arrival> came_in = came(rule, kept);
@@ -45,7 +46,10 @@ Objection ProcedureBook::objection(const ProcedureRule& rule, const ProcedureCho
     if (likeness_of_it == Likeness::kNone) {
       // Whoever is next may be registered there ahead of time.
       const bool is_near = came_in && begun.utc - begun.by_this_clock(came_in->at) <= rule.window;
-      if (is_near && (way_into(rule, kept) == Way::kMoved || !is_planned(kept))) is_another_there = true;
+      if (!is_near) continue;
+      const bool was_moved = way_into(rule, kept) == Way::kMoved;
+      is_another_there = is_another_there || was_moved;
+      is_another_said = is_another_said || (!was_moved && !is_planned(kept));
       continue;
     }
     if (came_in) {
@@ -79,13 +83,15 @@ Objection ProcedureBook::objection(const ProcedureRule& rule, const ProcedureCho
     if (taken.is_by_plan && is_another_identity(about, kept.message.data)) is_renamed = true;
   }
 
+  // Plans that come by a worklist do not say here that somebody who is registered is the next one.
+  const bool is_by_messages = about.origin.starts_with("hl7");
+  is_another_there = is_another_there || (is_another_said && !is_there && is_by_messages);
   if (is_another_there) return is_there ? Objection::kSeveralThere : Objection::kAnotherThere;
   if (has_left || is_done) return Objection::kOver;
   if (is_renamed) return Objection::kOtherIdentity;
   if (is_there) return Objection::kNone;
   // Nothing but a move that is taken back takes anybody from where an event brought them without a trace.
   if (is_called_off || (!taken.is_by_plan && is_elsewhere)) return Objection::kTakenBack;
-  const bool is_by_messages = about.origin.starts_with("hl7");
   if (!taken.is_by_plan || !is_by_messages || is_planned_now) return Objection::kNone;
   return is_lost(lost_planned_, rule, begun) ? Objection::kNone : Objection::kTakenBack;
 }

@@ -150,8 +150,9 @@ class HostileStore:
                 if "/" in rest:
                     folders.add(prefix + rest[: rest.index("/") + 1])
             return page([], folders)
+        # As Ceph does: where the marker names no version, the key itself comes again.
         return page([(key, version.name, len(version.body), i == 0, version.put)
-                     for key in sorted(self.objects) if key.startswith(prefix) and key > after
+                     for key in sorted(self.objects) if key.startswith(prefix) and (key > after or (key == after and "version-id-marker" not in query))
                      for i, version in enumerate(self.objects[key])])
 
 

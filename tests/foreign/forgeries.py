@@ -1179,6 +1179,14 @@ def camera_that_is_called_marks(world):
 
 
 @reaches("stream-form-unknown")
+def camera_that_is_called_marks_looked_into(world):
+    """What its film holds is no line of events."""
+    streams = world.streams()
+    streams[0]["kind"] = "events"
+    return world.write(world.sound(streams=streams), identity=str(world.reader))
+
+
+@reaches("stream-form-unknown")
 def excerpt_of_a_profile_that_is_none_of_its_media(world):
     streams = world.streams()
     streams[0]["profile"] = "lossless"
@@ -1486,8 +1494,9 @@ def subject_that_is_sealed(world):
     return with_subject(world, world.seal("subject", b'{"patient":"Taro Yamada"}'), never=["subject-not-sealed"])
 
 
-@reaches()
+@reaches("segment-undecodable")
 def subject_that_opens(world):
+    """With a key the film of such a case is found to be none."""
     return with_subject(world, world.seal("subject", b'{"patient":"Taro Yamada"}'), identity=str(world.reader),
                         never=["subject-undecodable", "subject-undecryptable", "subject-not-decrypted"])
 

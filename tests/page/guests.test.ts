@@ -185,8 +185,9 @@ story('An invitation', (step) => {
     };
     expect(strokes.map((one) => one.by)).toEqual(['Dr. Sato', 'anna']);
     const first = strokes[0] as { start_ns: number; end_ns: number };
-    const middle_s = (first.start_ns + 1.5e9) / 1e9;
-    await page.goto(`${appliance.url}#/cases/${id}?t=${middle_s}`);
+    // At its end it was held still.
+    const still_s = (first.end_ns - 1.5e9) / 1e9;
+    await page.goto(`${appliance.url}#/cases/${id}?t=${still_s}`);
     const arrow = page.locator('.pane[data-stream=endoscope] .pointer');
     await arrow.getByText('Dr. Sato (guest)').waitFor();
     // The pointer may be there before the video has a size, by which both are laid out.

@@ -172,7 +172,7 @@ TEST_F(Daemon, ARoomThatRecordsAheadTellsOfDeadSources) {
   constexpr std::string_view kCamera = "synthetic:endoscope?size=64x48&rate=10";
   configuration.replace(configuration.find(kCamera), kCamera.size(), "/dev/video-of-nobody");
   constexpr std::string_view kRoom = "name = \"or-1\"\n";
-  configuration.insert(configuration.find(kRoom) + kRoom.size(), "pre_roll = \"2s\"\n");
+  configuration.insert(configuration.rfind(kRoom) + kRoom.size(), "pre_roll = \"2s\"\n");
   write_text(home() / "kiroku.toml", configuration);
   Process daemon(kirokud());
   ASSERT_TRUE(daemon.wait_for("recording for 1 room"));

@@ -248,7 +248,7 @@ inline constexpr auto kFindingTexts = std::to_array<FindingText>({
      "出来事の述べる時刻が、その目印の項目が書かれた時刻より 5 秒を超えて前か、後である。または UTC "
      "が異なる。"},
     {"events-not-compared", Check::kContents,
-     "照合されなかった出来事と目印の項目がある。記録が中断されたか、抜粋が相手を示していない。"},
+     "照合されなかった出来事と目印の項目がある。相手を示すものが全部は存在しないか、開かれていない。"},
     {"segment-undecryptable", Check::kContents, "ハッシュ値の正しい区間が復号できない。"},
     {"segment-not-for-recipient", Check::kContents,
      "開始項目に系統の受取人として記載された者の鍵で、その系統の区間が開かない。"},

@@ -152,10 +152,8 @@ inline constexpr auto kTexts = std::to_array<Text>({
     {"scope.remark-unopened",
      "The pictures themselves were not opened; that takes a key and is not needed for the above.",
      "映像そのものは開いていません。開くには鍵が必要ですが、上記の判定には不要です。"},
-    {"scope.remark-unopened-of",
-     "The pictures of {0} were not opened: no key that was given opens them. That is not needed for the "
-     "above.",
-     "{0} の映像は開いていません。与えられた鍵では開けません。上記の判定には不要です。"},
+    {"scope.remark-unopened-of", "The pictures of {0} were not opened. That is not needed for the above.",
+     "{0} の映像は開いていません。上記の判定には不要です。"},
     {"signed-late.entries", "Nobody had signed the entries {0} to {1} until recording was found cut off.",
      "項目 {0} から {1} までは、記録の中断が見つかるまで署名されていませんでした。"},
     {"signed-late.entries.excerpt",

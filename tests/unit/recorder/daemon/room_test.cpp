@@ -412,7 +412,7 @@ TEST_F(RoomTest, ACaseBeginsWithWhatWasRecordedBefore) {
   Room room(std::move(ahead), listener());
   ASSERT_TRUE(test::eventually([&] { return room.status().session.now_ns > 3'000'000'000; }));
   EXPECT_EQ(room.status().state, RoomState::kStandby);
-  EXPECT_THAT(room.status().problem, HasSubstr("camera-1")) << "before a case begins without it";
+  EXPECT_THAT(room.status().problem, HasSubstr("tcp://127.0.0.1:9")) << "before a case begins without it";
   EXPECT_THROW(room.mark("too early"), UsageError);
   EXPECT_THROW(room.stop("operator", true), UsageError);
   EXPECT_EQ(bench.cases(), 0U);

@@ -232,7 +232,7 @@ TEST_F(MonitorReaderTest, AlarmsAndTextsOfAQueueAreQuestionableToo) {
             std::pair(VitalQuality::kGood, VitalQuality::kGood));
   told_.clear();
   EXPECT_EQ(qualities_at(2, "20260101120002", "20260101112100"), questionable);
-  EXPECT_THAT(told_, ElementsAre(HasSubstr("measured-before: OBX 1 (RHYTHM)"),
+  EXPECT_THAT(told_, ElementsAre(HasSubstr("measured-before: OBX 1 (9999^RHYTHM^L)"),
                                  HasSubstr("measured-before: OBX 1 (MDC_EVT_ALARM)")));
 }
 
