@@ -2005,8 +2005,9 @@ def a_mark_of_which_a_segment_that_was_cut_off_may_have_lost_the_event(world):
     return with_events(world, complete=False, never=["event-missing"])
 
 
-@reaches()
+@reaches("segment-undecodable")
 def an_event_in_a_segment_that_was_cut_off(world):
+    """With a key the film of such a case is found to be none."""
     return with_events(world, (11 * SECOND, "clip placed"), complete=False, never=["event-not-committed", "event-missing", "events-not-compared"])
 
 
@@ -2069,8 +2070,9 @@ def excerpt_whose_lines_begin_behind_the_mark(world):
     return given
 
 
-@reaches()
+@reaches("segment-undecodable")
 def excerpt_with_its_mark_and_its_event(world):
+    """With a key the film of such a case is found to be none."""
     given = excerpt_with_events(world, case_with_events(world, (11 * SECOND, "clip placed")))
     given.never = ["event-not-committed", "event-missing", "event-time-differs", "events-not-compared"]
     return given

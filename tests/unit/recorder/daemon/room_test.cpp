@@ -1191,7 +1191,7 @@ TEST_F(GoingOn, AnotherPatientWhoIsNamedWhileACaseRunsIsTold) {
   Room room(std::move(watched), listener(), time);
   const std::string id = room.start("operator");
   ASSERT_EQ(room.status().subject, SubjectState::kFound);
-  expect_told(room, "camera-1");
+  expect_told(room, "tcp://127.0.0.1:9");
   procedure->state("next");
   time.move(11s);
   expect_told(room, "name another patient for this room now");
