@@ -93,7 +93,6 @@ std::uint64_t LockLengthening::go_on(std::uint64_t& most, const std::function<bo
     list_.keep();
   };
   bool has_stopped = false;
-  const std::string begun_after = look_.after_key;
   try {
     store_.for_each_version_after(prefix_, look_.after_key, [&](const ListedVersion& each) {
       if (!of_object.empty() && of_object.front().key != each.key) {
@@ -101,8 +100,6 @@ std::uint64_t LockLengthening::go_on(std::uint64_t& most, const std::function<bo
         has_stopped = most == 0 || listed_left == 0 || is_ended();
         if (has_stopped) return false;
       }
-      // Ceph begins with the key itself where no version of it is named.
-      if (!begun_after.empty() && each.key == begun_after && look_.after_key == begun_after) return true;
       if (!look_.after_key.empty() && each.key <= look_.after_key)
         throw Error("the store lists '" + printable(each.key) + "' behind '" + printable(look_.after_key) +
                     "': its lists are in no order");

@@ -434,6 +434,8 @@ void ObjectStore::for_each_version_after(const std::string& prefix, const std::s
     for (const ListedVersion& each : page.versions) {
       if (!each.key.starts_with(prefix))
         throw Error("the store lists '" + printable(each.key) + "' among what begins with " + prefix);
+      // Ceph begins with the key of the marker itself where that names no version.
+      if (!key.empty() && each.key == key) continue;
       if (!visit(each)) return false;
     }
     return true;

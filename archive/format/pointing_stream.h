@@ -5,6 +5,7 @@
 
 #include <string_view>
 
+#include "archive/format/case_layout.h"
 #include "archive/format/ledger_entry.h"
 
 namespace kiroku::archive {
@@ -13,6 +14,10 @@ inline constexpr std::string_view kPointingStream = "pointing";
 
 inline bool is_pointing(const StreamInfo& stream) {
   return stream.kind == "events" && stream.name == kPointingStream;
+}
+/// Lines to which marks of the ledger commit.
+inline bool holds_marks(const StreamInfo& stream) {
+  return stream.kind == "events" && stream.media == kLinesMedia && !is_pointing(stream);
 }
 
 }  // namespace kiroku::archive

@@ -240,7 +240,7 @@ void CaseRules::take_open(const OpenEntry& open, const CaseEntry& entry, std::ui
     StreamRules& its =
         streams_.emplace(each.name, StreamRules(each, scope_.whole_case, *findings_)).first->second;
     if (scope_.from_open) its.begin_at_open();
-    if (marks_ != nullptr && its.is_of_marks() && !is_pointing(each)) marks_->take_stream();
+    if (marks_ != nullptr && holds_marks(each)) marks_->take_stream();
   }
   try {
     device_ = crypto::VerifierKey::parse(open.device);
@@ -285,8 +285,7 @@ void CaseRules::take_segment(const SegmentEntry& segment, std::uint64_t number) 
     return;
   }
   named_.insert(segment.file.file);
-  if (marks_ != nullptr && its->is_of_marks() && !is_pointing(*its->info()))
-    marks_->take_segment(segment, number);
+  if (marks_ != nullptr && holds_marks(*its->info())) marks_->take_segment(segment, number);
   // What recovery finds it takes to end by its own time, too.
   if (its->info()->timing == "arrival" && segment.span.end_ns - last_mono_ns_ > kFutureToleranceNs) {
     findings_->add("segment-in-future", {std::string(kLedgerFile), number},

@@ -153,7 +153,8 @@ void EventMarks::judge_found(const EventsShown& shown, FindingList& findings) {
   for (const Found& each : found_) {
     const std::string& file = files_[each.file];
     Mark* const mark = each.event.commitment ? next_of(*each.event.commitment) : nullptr;
-    if (mark == nullptr && !needs_entry(each.event, *segments.at(file), shown)) {
+    const auto segment = segments.find(file);
+    if (mark == nullptr && segment != segments.end() && !needs_entry(each.event, *segment->second, shown)) {
       ++not_asked;
       first_not_asked = first_not_asked == nullptr ? &file : first_not_asked;
       continue;

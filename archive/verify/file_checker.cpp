@@ -8,7 +8,6 @@
 #include "archive/format/case_layout.h"
 #include "archive/format/pointing_stream.h"
 #include "archive/format/sealed_file.h"
-#include "archive/format/segment_media.h"
 #include "archive/verify/found_files.h"
 #include "base/error.h"
 #include "base/foreign_json.h"
@@ -352,8 +351,7 @@ std::optional<FileChecker::LookedInside> FileChecker::look_inside(const FileJob&
                                                                   const crypto::HashedSource& sealed,
                                                                   const Hashed& hashed) {
   const Place place{job.expected.file, job.entry};
-  const bool is_of_events = marks_ != nullptr && job.stream->kind == "events" &&
-                            job.stream->media == kLinesMedia && !is_pointing(*job.stream);
+  const bool is_of_events = marks_ != nullptr && holds_marks(*job.stream);
   EventLines lines;
   const Opened opened = try_opening(job, sealed, hashed.fits, is_of_events ? &lines : nullptr);
   if (!hashed.fits) {
