@@ -6,6 +6,7 @@ Usage: tests/fleet/fleet_test.py PROGRAMS
 
 Exit status: 0 everything holds, 1 something does not, 77 Ceph or PostgreSQL is not installed.
 """
+import contextlib
 import json
 import pathlib
 import subprocess
@@ -65,11 +66,10 @@ def room_of_segments_while(fleet, *words):
                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     most = {}
     while working.poll() is None:
-        for case in scratch.glob("*/cases/2*"):
-            try:
-                most[case.name] = max(most.get(case.name, 0), max(file.stat().st_blocks for file in case.glob("segments/*/*")))
-            except (OSError, ValueError):
-                pass  # it is gone already, or has none yet
+        with contextlib.suppress(OSError):  # a folder that is gone before all of it was listed
+            for case in scratch.glob("*/cases/2*"):
+                with contextlib.suppress(OSError, ValueError):  # its segments are gone already, or it has none yet
+                    most[case.name] = max(most.get(case.name, 0), max(file.stat().st_blocks for file in case.glob("segments/*/*")))
     return min(most.values(), default=0)
 
 

@@ -64,7 +64,11 @@ class HostileStore:
                     self.close_connection = True
 
             def any(self):
-                body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
+                length = int(self.headers.get("Content-Length", 0))
+                body = self.rfile.read(length)
+                if len(body) < length:  # who asked was killed meanwhile: no store does half of what was said
+                    self.close_connection = True
+                    return
                 parts = urllib.parse.urlsplit(self.path)
                 query = dict(urllib.parse.parse_qsl(parts.query, keep_blank_values=True))
                 store.answer(self, urllib.parse.unquote(parts.path)[len("/recordings/"):], query, body)
