@@ -202,6 +202,11 @@ def try_spoiling_enrolment(server, folder, appliance, psql):
         require(statuses == [404] * 4, f"addresses of nobody are answered with {statuses}")
         statuses = [raw_status(url, b"/enrol/" + b"1" * 64) for _ in range(8)]
         require(429 in statuses, f"whoever guesses again and again is answered with {statuses}")
+        def ask_to_be_enrolled(number):
+            return answer(report_desk(url), "/enrol", json.dumps({"request": certificate_request(folder, f"or-{number}")}))[0]
+
+        statuses = [ask_to_be_enrolled(number) for number in range(20, 28)]
+        require(429 in statuses, f"whoever asks to be enrolled again and again is answered with {statuses}")
         # Whom they share their address with is told of its certificate none the less.
         code = told["code"]
         server.administrator.read("fleet/enrolments", {"code": code})
@@ -209,9 +214,13 @@ def try_spoiling_enrolment(server, folder, appliance, psql):
                    "an appliance is not told of its certificate while somebody at its address guesses")
         require(process.returncode == 0 and appliance.identity()["appliance"] == "or-8", f"it was told {process.stderr.read()}")
         require(raw_status(url, b"/enrol/" + b"1" * 64) == 429, "whoever guesses is not slowed down any more")
+        # Twenty rooms behind one proxy do not wait for each other.
+        status = ask_to_be_enrolled(28)
+        require(status != 429, f"after one of this address was enrolled, the next one is answered with {status}")
     finally:
         process.terminate()
         process.communicate(timeout=60)
+        psql("DELETE FROM kiroku.enrolments")
 
 
 def try_taking_a_name(server, folder, appliance, admit, psql):
