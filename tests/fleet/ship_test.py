@@ -20,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.parse
 import xml.etree.ElementTree as xml
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -89,7 +90,9 @@ class Store:
                 found.setdefault(version.findtext(space + "Key"), []).append(version.findtext(space + what))
             if tree.findtext(space + "IsTruncated") != "true":
                 return found
-            after = f"key-marker={tree.findtext(space + 'NextKeyMarker')}&"
+            # Quoted and in this order, or curl signs another query than it asks. A marker without a version would begin with its key again.
+            after = "".join(f"{name}={urllib.parse.quote(tree.findtext(space + told), safe='')}&"
+                            for name, told in (("key-marker", "NextKeyMarker"), ("version-id-marker", "NextVersionIdMarker")))
 
     def get(self, bucket, key):
         status, body = self.ask("GET", f"/{bucket}/{key}")
