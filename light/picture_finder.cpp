@@ -100,33 +100,14 @@ float share_of_neighbours(const std::vector<float>& grid, int step_row, int step
   return squares > 0 ? std::clamp(products / squares / 2, 0.0F, 0.3F) : 0;
 }
 
-/// Takes out what a lens and a coding spread from each cell to the next ones, the frame among them.
-void sharpen(std::vector<float>& grid) {
-  std::vector<float> inner;
-  for (int row = 1; row <= kRows; ++row)
-    for (int column = 1; column <= kColumns; ++column)
-      inner.push_back(grid[static_cast<std::size_t>(row * kFrameColumns + column)]);
-  const float middle = middle_of(inner);
-  for (float& value : grid) value -= middle;
-  const float across = share_of_neighbours(grid, 0, 1), down = share_of_neighbours(grid, 1, 0);
-  const std::vector<float> seen = grid;
-  // The inverse of the spreading, as a series: each round starts from what was seen.
-  constexpr int kRounds = 3;
-  for (int round = 0; round < kRounds; ++round) {
-    const std::vector<float> before = grid;
-    for (int row = 1; row <= kRows; ++row) {
-      for (int column = 1; column <= kColumns; ++column) {
-        const auto at = static_cast<std::size_t>(row * kFrameColumns + column);
-        grid[at] = seen[at] - across * (before[at - 1] + before[at + 1]) -
-                   down * (before[at - kFrameColumns] + before[at + kFrameColumns]);
-      }
-    }
-  }
-}
+/// How much of a cell each of its neighbours has, by what a lens and a coding spread.
+struct Spread {
+  float across = 0, down = 0;
+};
 
-/// A picture's cells at a place, kRows x kColumns, sharpened, from the middle between bright and dark.
-/// Nothing of a place that is not wholly in the picture.
-std::vector<float> cells_at(const GreyView& picture, const Projection& projection) {
+/// A picture's cells at a place with the frame's around them, kFrameRows x kFrameColumns, from the middle
+/// between bright and dark. Nothing of a place that is not wholly in the picture.
+std::vector<float> grid_at(const GreyView& picture, const Projection& projection) {
   std::vector<float> grid;
   grid.reserve(kFrameRows * kFrameColumns);
   for (int row = 0; row < kFrameRows; ++row) {
@@ -136,7 +117,35 @@ std::vector<float> cells_at(const GreyView& picture, const Projection& projectio
       grid.push_back(mean);
     }
   }
-  sharpen(grid);
+  std::vector<float> inner;
+  for (int row = 1; row <= kRows; ++row)
+    for (int column = 1; column <= kColumns; ++column)
+      inner.push_back(grid[static_cast<std::size_t>(row * kFrameColumns + column)]);
+  const float middle = middle_of(inner);
+  for (float& value : grid) value -= middle;
+  return grid;
+}
+
+Spread spread_of(const std::vector<float>& grid) {
+  return {share_of_neighbours(grid, 0, 1), share_of_neighbours(grid, 1, 0)};
+}
+
+/// The cells within the frame, kRows x kColumns, without what was spread from each to the next ones, the
+/// frame among them.
+std::vector<float> sharpened(const std::vector<float>& seen, const Spread& spread) {
+  std::vector<float> grid = seen;
+  // The inverse of the spreading, as a series: each round starts from what was seen.
+  constexpr int kRounds = 3;
+  for (int round = 0; round < kRounds; ++round) {
+    const std::vector<float> before = grid;
+    for (int row = 1; row <= kRows; ++row) {
+      for (int column = 1; column <= kColumns; ++column) {
+        const auto at = static_cast<std::size_t>(row * kFrameColumns + column);
+        grid[at] = seen[at] - spread.across * (before[at - 1] + before[at + 1]) -
+                   spread.down * (before[at - kFrameColumns] + before[at + kFrameColumns]);
+      }
+    }
+  }
   std::vector<float> cells;
   cells.reserve(kCells);
   for (int row = 1; row <= kRows; ++row)
@@ -147,7 +156,8 @@ std::vector<float> cells_at(const GreyView& picture, const Projection& projectio
 
 /// What says how well a place fits: the frame, the dark margin around it, and the cells.
 struct Look {
-  std::vector<float> cells;     // kRows x kColumns
+  std::vector<float> grid;      // kFrameRows x kFrameColumns, as seen
+  std::vector<float> cells;     // kRows x kColumns, sharpened
   float frame = 0, margin = 0;  // means
   float bordered = 0;           // share of the frame's cells that are brighter than the margin beside them
   [[nodiscard]] bool is_whole() const { return !cells.empty(); }
@@ -185,7 +195,8 @@ Look look_at(const GreyView& picture, const Place& place) {
   look.margin = margin / static_cast<float>(count);
   look.bordered = static_cast<float>(bordered) / static_cast<float>(count);
   if (std::isnan(look.frame) || std::isnan(look.margin)) return look;
-  look.cells = cells_at(picture, projection);
+  look.grid = grid_at(picture, projection);
+  if (!look.grid.empty()) look.cells = sharpened(look.grid, spread_of(look.grid));
   return look;
 }
 
@@ -253,9 +264,7 @@ std::array<std::array<int, kCodeBits>, kViews - 1> cells_of_views() {
   return views;
 }
 
-/// Nothing where the place is not wholly in the picture.
-std::optional<Sighting> sighting_of(const std::vector<float>& cells) {
-  if (cells.empty()) return std::nullopt;
+Sighting sighting_of(const std::vector<float>& cells) {
   static const auto kCellsOfViews = cells_of_views();
   Sighting sighting;
   const float middle = middle_of(cells);
@@ -298,11 +307,33 @@ constexpr int kOppositeOfPlace = 45;
 constexpr int kOppositeOfNothing = 36;
 constexpr float kBorderedOfPlace = 0.8F;
 
-bool is_code(const Look& look, const std::optional<Sighting>& sighting) {
-  return look.is_whole() && look.frame - look.margin >= kLeastContrast && look.bordered >= kBorderedOfPlace &&
-         sighting && sighting->opposite >= kOppositeOfPlace && sighting->contrast >= kLeastContrast;
+/// What a place that is known shows. Cells of one code are alike by chance, as if a lens had spread them, and
+/// what was spread is misjudged then. Of a code that is seen whole each pair of cells is opposite: that tells
+/// what fits better. Nothing where the place is not wholly in the picture.
+std::optional<Sighting> best_sighting(const std::vector<float>& grid) {
+  if (grid.empty()) return std::nullopt;
+  const Sighting estimated = sighting_of(sharpened(grid, spread_of(grid)));
+  constexpr int kNearlyAll = kCodeBits - 1;
+  if (estimated.opposite >= kNearlyAll) return estimated;
+  constexpr std::array kShares{0.0F, 0.06F, 0.12F, 0.18F, 0.24F};
+  Sighting best = estimated;
+  for (const float across : kShares) {
+    for (const float down : kShares) {
+      const Sighting tried = sighting_of(sharpened(grid, {across, down}));
+      if (tried.opposite > best.opposite || (tried.opposite == best.opposite && tried.clarity > best.clarity))
+        best = tried;
+    }
+  }
+  // Where something covers a side, half the pairs are opposite by chance, whatever was spread.
+  return best.opposite >= kOppositeOfPlace ? best : estimated;
 }
-bool is_code(const Look& look) { return is_code(look, sighting_of(look.cells)); }
+
+bool is_code(const Look& look, const Sighting& sighting) {
+  return look.frame - look.margin >= kLeastContrast && look.bordered >= kBorderedOfPlace &&
+         sighting.opposite >= kOppositeOfPlace && sighting.contrast >= kLeastContrast;
+}
+/// By what was spread as it is estimated: of many tries one makes a code of a plain gradient.
+bool is_code(const Look& look) { return look.is_whole() && is_code(look, sighting_of(look.cells)); }
 
 /// The place of a code of which the blob at `about` is the frame; nothing where there is none. A lamp's
 /// reflection in the display lights the dark margin at a side or a corner, and the blob reaches farther
@@ -330,9 +361,11 @@ std::optional<Place> found_at(const GreyView& picture, const Place& about, int& 
     }
     const Place place = refined(picture, start);
     const Look look = look_at(picture, place);
-    const std::optional<Sighting> sighting = sighting_of(look.cells);
-    if (is_code(look, sighting)) return place;
-    if (sighting) most_opposite = std::max(most_opposite, sighting->opposite);
+    if (look.is_whole()) {
+      const Sighting sighting = sighting_of(look.cells);
+      if (is_code(look, sighting)) return place;
+      most_opposite = std::max(most_opposite, sighting.opposite);
+    }
     // What has no dark margin at most of its edge is no code from wherever one starts.
     constexpr float kPromising = 0.7F;
     if (farther == 0 && look.bordered < kPromising) return std::nullopt;
@@ -558,7 +591,7 @@ std::vector<Sighting> PictureFinder::read(const GreyView& picture) const {
   for (std::size_t i = 0; i < places_.size(); ++i) {
     const Projection projection(places_[i]);
     if (!projection.is_valid()) continue;
-    std::optional<Sighting> sighting = sighting_of(cells_at(picture, projection));
+    std::optional<Sighting> sighting = best_sighting(grid_at(picture, projection));
     if (!sighting) continue;
     sighting->place = i;
     sightings.push_back(*sighting);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <fstream>
 #include <functional>
 
@@ -58,6 +59,23 @@ class Room {
       const auto row = samples_.begin() + (kTop + y) * kWidth + kLeft;
       std::copy(row, row + picture.width,
                 samples_.begin() + (kTop + picture.height - 1 - y) * kWidth + kLeft);
+    }
+  }
+  /// As a lens out of focus does, with a standard deviation in pixels.
+  void blur(double deviation) {
+    const int radius = static_cast<int>(std::ceil(3 * deviation));
+    for (const int step : {1, kWidth}) {
+      const std::vector<std::uint8_t> before = samples_;
+      const auto last = static_cast<int>(samples_.size()) - 1;
+      for (int at = 0; at <= last; ++at) {
+        double sum = 0, weights = 0;
+        for (int i = -radius; i <= radius; ++i) {
+          const double weight = std::exp(-i * i / (2 * deviation * deviation));
+          sum += weight * before[static_cast<std::size_t>(std::clamp(at + i * step, 0, last))];
+          weights += weight;
+        }
+        samples_[static_cast<std::size_t>(at)] = static_cast<std::uint8_t>(std::lround(sum / weights));
+      }
     }
   }
   [[nodiscard]] GreyView view() const { return {samples_.data(), kWidth, kHeight, kWidth}; }
@@ -126,6 +144,24 @@ TEST(PictureFinderTest, ReadsACodeWhoseHalfIsCoveredWhereItWasSeenBefore) {
   int least = kCodeBits;
   for (const std::uint64_t word : sightings[0].words) least = std::min(least, std::popcount(word ^ code));
   EXPECT_LE(least, 4);
+}
+
+// Cells that are alike by chance look as if they were blurred more than the others.
+TEST(PictureFinderTest, ReadsEachCodeThroughALensThatIsOutOfFocus) {
+  constexpr int kCell = 3, kCodes = 100, kMostThatCanBeCorrected = 6;
+  constexpr double kDeviation = 0.65 * kCell;
+  Room room;
+  room.show(light_code(1, crypto::Sha256Digest{}, kBegin), kCell);
+  PictureFinder finder;
+  finder.search(room.view());
+  for (int i = 0; i < kCodes; ++i) {
+    const std::uint64_t code = light_code(2, crypto::Sha256Digest{}, kBegin + i);
+    room.show(code, kCell);
+    room.blur(kDeviation);
+    const auto sightings = finder.read(room.view());
+    ASSERT_EQ(sightings.size(), 1U);
+    EXPECT_LE(std::popcount(sightings[0].words[0] ^ code), kMostThatCanBeCorrected) << i;
+  }
 }
 
 TEST(PictureFinderTest, FindsNothingInAnEmptyRoomAndInPicturesOfNoSize) {
