@@ -264,6 +264,23 @@ std::array<std::array<int, kCodeBits>, kViews - 1> cells_of_views() {
   return views;
 }
 
+/// As in Sighting.
+double clarity_of(const std::vector<float>& cells, float middle) {
+  std::vector<float> apart;
+  apart.reserve(cells.size());
+  for (const float cell : cells) apart.push_back(std::abs(cell - middle));
+  const float mean = std::accumulate(apart.begin(), apart.end(), 0.0F) / kCells;
+  const auto near = apart.begin() + kCells / 10;
+  std::nth_element(apart.begin(), near, apart.end());
+  return mean > 0 ? *near / mean : 0;
+}
+int opposite_in(const std::vector<float>& cells, float middle) {
+  int opposite = 0;
+  for (std::size_t bit = 0; bit < kCodeBits; ++bit)
+    opposite += (cells[bit] > middle) != (cells[kCells - 1 - bit] > middle) ? 1 : 0;
+  return opposite;
+}
+
 Sighting sighting_of(const std::vector<float>& cells) {
   static const auto kCellsOfViews = cells_of_views();
   Sighting sighting;
@@ -274,12 +291,8 @@ Sighting sighting_of(const std::vector<float>& cells) {
     (cell > middle ? bright : dark) += cell;
     count_bright += cell > middle ? 1 : 0;
   }
-  std::vector<float> apart;
-  for (const float cell : cells) apart.push_back(std::abs(cell - middle));
-  const float mean = std::accumulate(apart.begin(), apart.end(), 0.0F) / kCells;
-  const auto near = apart.begin() + kCells / 10;
-  std::nth_element(apart.begin(), near, apart.end());
-  sighting.clarity = mean > 0 ? *near / mean : 0;
+  sighting.clarity = clarity_of(cells, middle);
+  sighting.opposite = opposite_in(cells, middle);
   if (count_bright > 0 && count_bright < kCells) {
     sighting.contrast =
         bright / static_cast<float>(count_bright) - dark / static_cast<float>(kCells - count_bright);
@@ -287,7 +300,6 @@ Sighting sighting_of(const std::vector<float>& cells) {
   for (std::size_t bit = 0; bit < kCodeBits; ++bit) {
     const float here = cells[bit], there = cells[kCells - 1 - bit];
     sighting.words[0] = sighting.words[0] << 1U | (here > there ? 1U : 0U);
-    sighting.opposite += (here > middle) != (there > middle) ? 1 : 0;
   }
   for (std::size_t view = 0; view < kCellsOfViews.size(); ++view) {
     std::vector<float> half;
@@ -313,19 +325,32 @@ constexpr float kBorderedOfPlace = 0.8F;
 std::optional<Sighting> best_sighting(const std::vector<float>& grid) {
   if (grid.empty()) return std::nullopt;
   const Sighting estimated = sighting_of(sharpened(grid, spread_of(grid)));
-  constexpr int kNearlyAll = kCodeBits - 1;
+  constexpr int kNearlyAll = kCodeBits - 2;
   if (estimated.opposite >= kNearlyAll) return estimated;
   constexpr std::array kShares{0.0F, 0.06F, 0.12F, 0.18F, 0.24F};
-  Sighting best = estimated;
+  int most_opposite = estimated.opposite;
+  double clearest = estimated.clarity;
+  std::vector<float> best;
   for (const float across : kShares) {
     for (const float down : kShares) {
-      const Sighting tried = sighting_of(sharpened(grid, {across, down}));
-      if (tried.opposite > best.opposite || (tried.opposite == best.opposite && tried.clarity > best.clarity))
-        best = tried;
+      std::vector<float> tried = sharpened(grid, {across, down});
+      const float middle = middle_of(tried);
+      const int opposite = opposite_in(tried, middle);
+      if (opposite < most_opposite) continue;
+      const double clarity = clarity_of(tried, middle);
+      if (opposite == most_opposite && clarity <= clearest) continue;
+      most_opposite = opposite;
+      clearest = clarity;
+      best = std::move(tried);
     }
   }
   // Where something covers a side, half the pairs are opposite by chance, whatever was spread.
-  return best.opposite >= kOppositeOfPlace ? best : estimated;
+  if (best.empty() || most_opposite < kOppositeOfPlace) return estimated;
+  // How sure it is stays as it was estimated: of many tries one makes a clear code of a plain gradient. Such
+  // a code may agree with the ledger, and accuses nobody.
+  Sighting sighting = estimated;
+  sighting.words = sighting_of(best).words;
+  return sighting;
 }
 
 bool is_code(const Look& look, const Sighting& sighting) {

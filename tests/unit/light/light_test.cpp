@@ -61,6 +61,14 @@ class Room {
                 samples_.begin() + (kTop + picture.height - 1 - y) * kWidth + kLeft);
     }
   }
+  /// The edge of a door, with noise.
+  void show_edge(int at, unsigned seed) {
+    for (std::size_t i = 0; i < samples_.size(); ++i) {
+      seed = seed * 1664525U + 1013904223U;
+      samples_[i] =
+          static_cast<std::uint8_t>((static_cast<int>(i % kWidth) < at ? 60U : 140U) + (seed >> 28U));
+    }
+  }
   /// As a lens out of focus does, with a standard deviation in pixels.
   void blur(double deviation) {
     const int radius = static_cast<int>(std::ceil(3 * deviation));
@@ -162,6 +170,22 @@ TEST(PictureFinderTest, ReadsEachCodeThroughALensThatIsOutOfFocus) {
     ASSERT_EQ(sightings.size(), 1U);
     EXPECT_LE(std::popcount(sightings[0].words[0] ^ code), kMostThatCanBeCorrected) << i;
   }
+}
+
+// Where a display hung once, each cell is unlike its opposite, too.
+TEST(PictureFinderTest, AnEdgeAccusesNobody) {
+  const LedgerLights ledger = lights_of(lines_of(20, 1));
+  LightJudge judge(ledger);
+  const std::vector<Place> places{{{{150, 60}, {195, 60}, {195, 85}, {150, 85}}}};
+  PictureFinder finder(places);
+  Room room;
+  for (int second = 0; second < 20; ++second) {
+    room.show_edge(172, static_cast<unsigned>(second));
+    for (int i = 0; i < 5; ++i) judge.add(second * kSecond + i * kSecond / 5, finder.read(room.view()));
+  }
+  const LightReport report = judge.finish();
+  EXPECT_EQ(report.foreign + report.old + report.agreeing, 0U);
+  EXPECT_EQ(report.unread, 20U);
 }
 
 TEST(PictureFinderTest, FindsNothingInAnEmptyRoomAndInPicturesOfNoSize) {
