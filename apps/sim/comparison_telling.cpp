@@ -51,6 +51,11 @@ void print_comparison(const compare::Comparison& comparison, const PlanAtHand& a
     std::cout << "  events to which the ledger commits and whose lines are not there: "
               << comparison.record.events_lacking << "; any of them may have marked a step\n";
   }
+  if (const compare::LeftOut& left_out = comparison.record.left_out; left_out.any()) {
+    std::cout << "  vital signs left out, as the monitor or the recorder marks them so: "
+              << left_out.questionable << " questionable and " << left_out.invalid << " invalid values, "
+              << left_out.alarms << " alarms\n";
+  }
   for (const compare::ToolDistance& tool : comparison.tools) {
     std::cout << "  " << printable(at_hand.plan.tools[tool.tool].tool.name) << ": "
               << number_text(tool.all.mean_px, 3) << " pixels from its planned way on average, "
