@@ -23,6 +23,7 @@
 #include "base/json_or_null.h"
 #include "base/near_miss.h"
 #include "base/number_text.h"
+#include "fleet/catalogue/renewal_board.h"
 #include "fleet/catalogue/room_board.h"
 
 namespace kiroku::apps {
@@ -263,6 +264,8 @@ int status(const Request& request) {
   const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
   fleet::FleetCatalogue catalogue = configuration.open_catalogue();
   const fleet::FleetTotals totals = catalogue.totals();
+  const std::uint64_t not_renewed =
+      fleet::RenewalBoard(fleet::Postgres(configuration.connection)).refused();
   const FleetNow now = fleet_now(configuration);
   if (request.json) {
     print_json({{"cases", totals.cases},
@@ -276,6 +279,7 @@ int status(const Request& request) {
                 {"incomplete", totals.incomplete},
                 {"unproven", totals.unproven},
                 {"not_checked", totals.unchecked},
+                {"not_renewed", not_renewed},
                 {"being_verified", totals.being_verified},
                 {"enrolled", now.enrolled},
                 {"recording", now.recording},
@@ -290,12 +294,13 @@ int status(const Request& request) {
               << "not proven        " << totals.incomplete << " incomplete, " << totals.unproven
               << " unproven\n"
               << "not checked       " << totals.unchecked << ", though it was tried\n"
+              << "not renewed       " << not_renewed << ", of which 'kiroku-fleet renew --all' says why\n"
               << "not there         " << totals.missing << " missing from the store, " << totals.unreadable
               << " whose ledger cannot be read\n";
     print_rooms(now);
   }
   const bool is_bad = totals.alarms + totals.missing + totals.unreadable > 0;
-  const bool is_unknown = totals.incomplete + totals.unproven + totals.unchecked > 0;
+  const bool is_unknown = totals.incomplete + totals.unproven + totals.unchecked + not_renewed > 0;
   if (!request.json && (is_bad || is_unknown)) std::cout << "'kiroku-fleet cases --attention' names them.\n";
   return is_bad ? kAnswerIsNo : is_unknown ? kNoAnswer : kDone;
 }

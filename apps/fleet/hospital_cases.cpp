@@ -2,6 +2,7 @@
 
 #include "apps/fleet/case_search.h"
 #include "apps/fleet/page_place.h"
+#include "apps/fleet/verified_cases.h"
 #include "base/error.h"
 #include "viewer/http/case_name.h"
 #include "viewer/http/request.h"
@@ -155,8 +156,20 @@ std::optional<viewer::StoredCases::Found> HospitalCases::find(const std::string&
 archive::VerificationReport HospitalCases::verify(const std::filesystem::path& folder) {
   const std::lock_guard guard(judging_);
   if (!judge_) judge_.emplace(configuration_, scratch_parent_);
+  const std::string appliance = folder.parent_path().filename().string();
+  const std::string case_id = folder.filename().string();
   // As of now: the log must be newer than all that the case may name.
-  return judge_->judge(folder.parent_path().filename().string(), folder.filename().string(), utc_now());
+  archive::VerificationReport report = judge_->judge(appliance, case_id, utc_now());
+  if (const fleet::Verification found = verification_of(report); found.alarm) {
+    // Whoever asked reads the verdict; the hospital's lists must not go on saying another.
+    try {
+      with_catalogue([&](fleet::FleetCatalogue& catalogue) { catalogue.accuse(appliance, case_id, found); });
+    } catch (const fleet::DatabaseError& error) {
+      print_error("kiroku-fleet", appliance + "/" + case_id + " is " + found.verdict +
+                                      ", and the catalogue could not be told: " + error.what());
+    }
+  }
+  return report;
 }
 
 }  // namespace kiroku::apps

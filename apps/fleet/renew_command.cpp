@@ -18,6 +18,7 @@
 #include "archive/format/case_layout.h"
 #include "archive/upkeep/evidence_renewal.h"
 #include "base/error.h"
+#include "base/number_text.h"
 #include "crypto/encoding.h"
 #include "crypto/secret.h"
 #include "fleet/catalogue/lease_keeper.h"
@@ -98,6 +99,7 @@ class RenewalWorker {
         scratch_(request.scratch),
         store_([this] { return configuration_.open_store(store_to_renew(configuration_)); }),
         board_(open_()),
+        catalogue_(configuration.open_catalogue()),
         teller_("kiroku-fleet", request.dry_run) {
     options_.trust = &trust_;
     if (policy_) options_.policy = read_policy(*policy_);
@@ -126,16 +128,25 @@ class RenewalWorker {
         print_error("kiroku-fleet", std::to_string(held) + " more are in another worker's hands");
     }
     ended_early_ = told_to_end();
+    out_of_reach_ = board_.out_of_reach();
   }
 
   int tell() const {
     if (request_.json) {
-      print_json({{"dry_run", request_.dry_run}, {"ended_early", ended_early_}, {"cases", told_}});
+      print_json({{"dry_run", request_.dry_run},
+                  {"ended_early", ended_early_},
+                  {"not_looked_at", out_of_reach_},
+                  {"cases", told_}});
     } else {
       teller_.sum_up();
     }
+    if (out_of_reach_ > 0)
+      print_error("kiroku-fleet",
+                  "not looked at: " + counted(out_of_reach_, "case", "cases") +
+                      " that the store has not, or not whole, or whose ledger cannot be read. 'kiroku-fleet "
+                      "cases' names them by their state");
     const int status = teller_.status();
-    return status == kDone && ended_early_ ? kNoAnswer : status;
+    return status == kDone && (ended_early_ || out_of_reach_ > 0) ? kNoAnswer : status;
   }
 
  private:
@@ -189,7 +200,12 @@ class RenewalWorker {
 
   void finish(const fleet::RenewalTurn& turn, const std::string& holder, const EvidenceRenewal& result) {
     tell(turn.appliance, result);
-    if (!request_.dry_run) enter(turn, holder, result);
+    if (request_.dry_run) return;
+    enter(turn, holder, result);
+    // That it was intact when it was last verified is not to stand beside this.
+    if (result.what == What::kRefused)
+      catalogue_.accuse(turn.appliance, turn.case_id,
+                        {"could-not-check", false, 0, "its evidence record was not renewed: " + result.text});
   }
 
   void tell(const std::string& appliance, const EvidenceRenewal& result) {
@@ -230,12 +246,14 @@ class RenewalWorker {
     return fleet::RenewalBoard(fleet::Postgres(configuration_.connection));
   };
   fleet::RenewalBoard board_;
+  fleet::FleetCatalogue catalogue_;
   RenewalTeller teller_;
   std::vector<recorder::NamedAuthority> authorities_;
   archive::EvidenceRenewalOptions options_;
   fleet::RenewalBoard::Due due_;
   ordered_json told_ = ordered_json::array();
   bool ended_early_ = false;
+  std::uint64_t out_of_reach_ = 0;
 };
 
 int run(const Request& request) {
@@ -269,7 +287,7 @@ void add_fleet_renew_command(Command& program) {
       "with these files, and nothing is renewed for it. A store or an authority that is away is waited for.");
   command.explain(
       "Exit status: 0 nothing is due any more, 1 a case or its record must be looked at, 2 wrong usage or "
-      "unusable files, 3 something still waits, or Ctrl-C came. With --dry-run 3 also says that something "
+      "unusable files, 3 something still waits, a case could not be looked at, or Ctrl-C came. With --dry-run 3 also says that something "
       "is due.");
   const auto request = std::make_shared<Request>();
   command.option("--policy", "FILE", request->policy,

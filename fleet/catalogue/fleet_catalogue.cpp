@@ -14,8 +14,8 @@ namespace {
 using archive::CaseStamp;
 using archive::CatalogueRow;
 
-constexpr std::int64_t kVersion = 6, kWithReports = 2, kWithStricterAlarms = 3, kWithTraces = 4,
-                       kWithNotes = 5;
+constexpr std::int64_t kVersion = 7, kWithReports = 2, kWithStricterAlarms = 3, kWithTraces = 4,
+                       kWithNotes = 5, kWithRenewals = 6;
 
 // A statement each. Times are of microseconds, as in ledgers.
 constexpr const char* kTables[] = {
@@ -168,6 +168,22 @@ constexpr const char* kRenewals[] = {
          PRIMARY KEY (appliance, case_id)))",
 };
 
+// What version 7 has more: what whoever may not enter verdicts found of a case, the page or a renewal. An alarm
+// or a doubt stands until the case is verified anew, which is due at once.
+constexpr const char* kAccusations[] = {
+    R"(CREATE FUNCTION kiroku.accuse(of_appliance text, of_case text, not_intact boolean, its_verdict text,
+                                     its_findings bigint, why text)
+         RETURNS void LANGUAGE sql SECURITY DEFINER SET search_path = pg_catalog, pg_temp AS $$
+         UPDATE kiroku.cases SET alarm = alarm OR not_intact,
+             unchecked = CASE WHEN not_intact THEN unchecked ELSE why END, verdict = NULL, verified = NULL,
+             pending = 'epoch', leased_until = CASE WHEN leased_by IS NULL THEN NULL ELSE leased_until END
+           WHERE appliance = of_appliance AND case_id = of_case AND state <> 'missing';
+         INSERT INTO kiroku.verifications (appliance, case_id, at, verdict, findings, detail)
+           SELECT of_appliance, of_case, now(), its_verdict, its_findings, why
+           WHERE EXISTS (SELECT FROM kiroku.cases WHERE appliance = of_appliance AND case_id = of_case) $$)",
+    "REVOKE ALL ON FUNCTION kiroku.accuse FROM PUBLIC",
+};
+
 // Roles belong to the whole server, and may be there from another database of it.
 constexpr const char* kRoles[] = {
     R"(DO $$ DECLARE role text; BEGIN
@@ -188,6 +204,7 @@ constexpr const char* kRoles[] = {
     R"(GRANT UPDATE (verdict, verified, alarm, unchecked, pending, leased_by, leased_until)
          ON kiroku.cases TO kiroku_verifier)",
     "GRANT INSERT ON kiroku.verifications TO kiroku_verifier",
+    "GRANT EXECUTE ON FUNCTION kiroku.accuse TO kiroku_reader, kiroku_verifier",
     "GRANT INSERT, UPDATE ON kiroku.renewals TO kiroku_verifier",
     "GRANT INSERT, UPDATE ON kiroku.appliances TO kiroku_reporter",
     "GRANT INSERT, UPDATE (refused), DELETE ON kiroku.certificates TO kiroku_reporter",
@@ -348,8 +365,11 @@ void FleetCatalogue::prepare(Postgres& database) {
     if (!there || *there < kWithNotes) {
       for (const char* statement : kSearchNotes) database.ask(statement);
     }
-    if (!there || *there < kVersion) {
+    if (!there || *there < kWithRenewals) {
       for (const char* statement : kRenewals) database.ask(statement);
+    }
+    if (!there || *there < kVersion) {
+      for (const char* statement : kAccusations) database.ask(statement);
       database.ask("UPDATE kiroku.version SET version = $1", {number(kVersion)});
     }
     for (const char* statement : kRoles) database.ask(statement);
@@ -523,6 +543,13 @@ void FleetCatalogue::give_back(const Lease& lease, std::chrono::seconds pause, c
          why.empty() ? std::nullopt : Postgres::Value(printable(why))});
     if (rows.size() == 1 && !why.empty()) keep(lease, {"could-not-check", false, 0, why});
   });
+}
+
+void FleetCatalogue::accuse(const std::string& appliance, const std::string& case_id,
+                            const Verification& found) {
+  database_.ask("SELECT kiroku.accuse($1, $2, $3::boolean, $4, $5::bigint, $6)",
+                {appliance, case_id, found.alarm ? "true" : "false", found.verdict,
+                 number(std::uint64_t{found.findings}), printable(found.detail)});
 }
 
 void FleetCatalogue::end_pauses() {

@@ -88,7 +88,7 @@ struct ApplianceTotals {
 class FleetCatalogue {
  public:
   /// Makes tables and roles, or brings older ones up to this program's version. `database` belongs to
-  /// somebody who may create roles. kiroku_reader may read; kiroku_indexer may also write rows;
+  /// somebody who may create roles. kiroku_reader may read, and accuse; kiroku_indexer may also write rows;
   /// kiroku_verifier may also lease cases, enter verdicts and what renewals found; kiroku_reporter may also
   /// enrol appliances and take their reports. No role may change or remove what was entered into a case's
   /// verifications, and kiroku_indexer no verdict.
@@ -135,6 +135,10 @@ class FleetCatalogue {
   /// found, as of the verdict "could-not-check", unless it is empty; what the case's row says stays. Nothing
   /// where the lease is another's by now.
   void give_back(const Lease& lease, std::chrono::seconds pause, const std::string& why);
+  /// What somebody found of a case who leased none and enters no verdicts: the page, or a renewal. Its row
+  /// needs a person until it is verified anew, which is due at once; what was found is kept. Nothing where
+  /// there is no such case.
+  void accuse(const std::string& appliance, const std::string& case_id, const Verification& found);
   /// Every case that waits after it could not be checked may be tried at once. Leases stay.
   void end_pauses();
   /// All that was ever found of a case, oldest first.

@@ -14,9 +14,15 @@ std::string moment_at(const std::string& parameter) {
 Postgres::Value value_of(std::int64_t value) { return std::to_string(value); }
 Postgres::Value value_of(UtcTime time) { return std::to_string(time.time_since_epoch().count()); }
 
-/// Of the tables c and r; parameters 1 to 5.
+/// Of the tables c and r; parameters 1 to 5. Whoever may put makes a case look as if it were open again, or had
+/// just changed, as often as they like: that keeps none from being looked at.
 std::string is_to_be_looked_at() {
-  return R"(c.state = 'closed' AND c.changed_at <= now() - $2::bigint * interval '1 second' AND
+  return R"((c.state = 'closed' OR (c.state <> 'missing' AND r.looked IS NOT NULL)) AND
+            (c.changed_at <= now() - $2::bigint * interval '1 second' OR
+             c.pending <= now() - interval '2 days' OR
+             coalesce(r.looked, (SELECT min(v.at) FROM kiroku.verifications AS v
+                                 WHERE v.appliance = c.appliance AND v.case_id = c.case_id))
+               <= now() - interval '2 days') AND
             (r.looked IS NULL OR (r.looked < )" +
          moment_at("$1") + R"( AND ($5::boolean OR r.judged_by IS DISTINCT FROM $3 OR r.renew_from <= now() OR
              r.looked <= now() - $4::bigint * interval '1 second' OR c.changed_at > r.looked OR r.again))))";
@@ -113,6 +119,20 @@ bool RenewalBoard::enter(const std::string& holder, const std::string& judged_by
                   found.record.empty() ? std::nullopt : Postgres::Value(found.record),
                   found.again ? "true" : "false"})
              .size() == 1;
+}
+
+std::uint64_t RenewalBoard::refused() {
+  return static_cast<std::uint64_t>(
+      database_.ask("SELECT count(*) FROM kiroku.renewals WHERE what = 'refused'").integer(0, 0));
+}
+
+std::uint64_t RenewalBoard::out_of_reach() {
+  return static_cast<std::uint64_t>(database_
+                                        .ask("SELECT count(*)" + std::string(kCasesAndRenewals) +
+                                             "c.state = 'missing' OR (r.looked IS NULL AND "
+                                             "(c.state = 'unreadable' OR (c.state = 'open' AND c.changed_at "
+                                             "<= now() - interval '2 days')))")
+                                        .integer(0, 0));
 }
 
 void RenewalBoard::give_back(const std::string& holder) {

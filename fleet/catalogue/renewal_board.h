@@ -38,10 +38,10 @@ class RenewalBoard {
 
   [[nodiscard]] UtcTime now();
 
-  /// Closed cases that were not looked at since `began`, and
+  /// Cases that are closed, or were when they were looked at, that were not looked at since `began`, and
   struct Due {
     UtcTime began;                 // of this run, by now()
-    std::chrono::seconds settled;  // that have not changed for so long,
+    std::chrono::seconds settled;  // that have not changed for so long, or change for two days on end,
     std::string judged_by;         // and: never were; were by another policy or other roots;
     std::chrono::seconds every;    // were last so long ago; changed since; were left undone; or are due.
     bool all = false;              // or whatever was found before
@@ -59,6 +59,10 @@ class RenewalBoard {
   /// Enters what was found, as of when the case was leased, and ends the lease. False, and nothing entered,
   /// where the lease is another's by now.
   bool enter(const std::string& holder, const std::string& judged_by, const RenewalFound& found);
+  /// How many cases were refused when they were last looked at.
+  [[nodiscard]] std::uint64_t refused();
+  /// How many nobody looks at: those that are open and have not changed for two days, unreadable or missing.
+  [[nodiscard]] std::uint64_t out_of_reach();
   /// Ends what is left of the batch.
   void give_back(const std::string& holder);
 

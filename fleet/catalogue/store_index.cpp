@@ -87,6 +87,18 @@ IndexReport index_appliance(ObjectStore& store, const std::string& appliance, ar
     if (!is_new && row->second.bytes < 0) row->second.changed ^= parts.changed;
   }
   report.cases = there.size();
+  // What changed and cannot be read is no longer what was verified: nobody is to find the old verdict beside
+  // it. The stamp is none of the store's, so that it is tried again each time.
+  std::map<std::string, archive::CatalogueRow> rows;
+  const auto leave_unreadable = [&](const std::string& case_id, const CaseStamp& stamp) {
+    if (rows.empty()) {
+      for (archive::CatalogueRow& row : table.rows()) rows.emplace(row.case_id, std::move(row));
+    }
+    const auto row = rows.find(case_id);
+    if (row == rows.end()) return;  // it is new, and may be on its way
+    row->second.state = "unreadable";
+    table.put(row->second, {stamp.bytes, stamp.changed ^ 1});
+  };
   for (const auto& [case_id, stamp] : there) {
     const auto before = known.extract(case_id);
     if (!anew && !before.empty() && before.mapped() == stamp) continue;
@@ -97,12 +109,14 @@ IndexReport index_appliance(ObjectStore& store, const std::string& appliance, ar
     } catch (const StoreError& error) {
       if (error.passes()) throw;
       report.problems.push_back(case_id + ": " + error.what());
+      leave_unreadable(case_id, stamp);
       continue;
     } catch (const IoError&) {
       throw;
     } catch (const Error& error) {
       // What is wrong with one case keeps no other out of the catalogue.
       report.problems.push_back(case_id + ": " + error.what());
+      leave_unreadable(case_id, stamp);
       continue;
     }
     table.put(archive::read_catalogue_row(case_id, folder), stamp);

@@ -19,7 +19,7 @@ struct IndexReport {
   std::uint64_t cases = 0;  // that the store has
   std::uint64_t read = 0;   // of them: whose ledger was read, because they are new or changed
   std::vector<std::string>
-      problems;  // cases whose ledger could not be had, and why; they keep the row they had
+      problems;  // cases whose ledger could not be had, and why; one that had a row is "unreadable" there
   std::vector<std::string> missing;  // cases that were in the table, and of which the store has nothing more
 };
 /// Brings an appliance's rows up to what the store lists. A case is read anew where its versions are others

@@ -643,8 +643,36 @@ def catalogue(attack):
         attack.store.objects[ledger][1:] = []
         told = fleet.tell("index", "--anew", status=1)["appliances"]
         require(any("no recording of a hundred hours" in problem for each in told for problem in each["problems"]), f"a long ledger: {told}")
+        changed_and_unreadable(attack, fleet, ledger, recorded)
     finally:
         subprocess.run([str(HERE / "postgres.sh"), "down", str(attack.folder / "postgres")], check=False)
+
+
+def changed_and_unreadable(attack, fleet, ledger, recorded):
+    """What the index sees and cannot read is no longer what was verified."""
+    def row_of_other():
+        (row,) = [each for each in fleet.tell("cases", "--appliance", "or-1")["cases"] if each["case"] == attack.other]
+        return row
+
+    attack.store.objects[ledger] = []
+    attack.store.put(ledger, recorded)
+    fleet.tell("index", "--anew", status=1)
+    fleet.ask("verify", "--all")
+    require(row_of_other()["verdict"] == "intact", f"before: {row_of_other()}")
+    # By whoever may put, under a key of their own: the store answers 400.
+    unread = attack.store.put(ledger, recorded)
+    attack.store.status_of = lambda method, key, query: (
+        (400, b"<Error><Code>InvalidRequest</Code></Error>") if key == ledger and query.get("versionId") in (None, unread.name) else None)
+    attack.store.objects[ledger][1:] = []
+    for _ in range(2):
+        told = fleet.tell("index", status=1)["appliances"]
+        require(any(attack.other in problem for each in told for problem in each["problems"]), f"it is not told each time: {told}")
+        row = row_of_other()
+        require(row["state"] == "unreadable" and row["verdict"] is None and row["opened"], f"an old verdict stands beside it: {row}")
+        require(fleet.tell("status", status=1)["unreadable"] == 1, "the status does not tell")
+    attack.store.honest()
+    fleet.tell("index", status=1)
+    require(row_of_other()["state"] == "closed", f"it is not read again: {row_of_other()}")
 
 
 def main():

@@ -183,11 +183,43 @@ def a_new_hash_reads_all_data_again(renewing, cases, disks):
     (refused,) = [each for each in told if each["what"] == "refused"]
     require(refused["unread"] == ["segments/endoscope/00000000.ts.age"], f"which file it is: {refused}")
     require(lost.versions() == before[lost.key], "something was renewed for it")
+    # The list, its exit status and the next verification know of it: it had been verified, and is as it was by the store's list.
+    (row,) = renewing.fleet.tell("cases", "--attention")["cases"]
+    require(row["case"] == lost.case and row["verdict"] is None and "was not renewed" in row["unchecked"], f"the list goes on saying {row}")
+    require(renewing.fleet.tell("status", status=3)["not_renewed"] == 1, "the status does not tell")
+    (verified,) = renewing.fleet.tell("verify", status=1)["cases"]
+    require((verified["case"], verified["verdict"]) == (lost.case, "tampered"), f"verified at once was {verified}")
     require(set(found.values()) == {"hash-tree-renewed"} and len(found) == 2 and renewing.asked == 1, f"renewed were {found}")
     for each in sound:
         require(len(each.versions()) == len(before[each.key]) + 1, f"{each.key} has the versions {each.versions()}")
         evidence = each.evidence()
         require(evidence["holds"] and evidence["hashes"] == ["sha256", "sha512"] and evidence["time_stamps"] == 3, f"fetched: {evidence}")
+
+
+def nothing_is_kept_from_renewal(renewing, cases, database):
+    """Rows that look as if they changed just now, or were open again, and such as nobody can look at."""
+    one = cases[0]
+
+    def change(columns, table="cases"):
+        subprocess.run([*database, "-c", f"UPDATE kiroku.{table} SET {columns} WHERE appliance = '{one.name}' AND case_id = '{one.case}'"], check=True)
+
+    whole = renewing.fleet.configuration.read_text()
+    renewing.fleet.configuration.write_text(whole.replace("settle_minutes = 0", "settle_minutes = 60"))
+    change("changed_at = now()")
+    found, _ = renewing.renew("--all")
+    require((one.name, one.case) not in found, f"what may be on its way is looked at: {found}")
+    change("looked = now() - interval '3 days'", "renewals")
+    found, _ = renewing.renew()
+    require(found == {(one.name, one.case): "nothing-due"}, f"what changes each hour is never looked at: {found}")
+    renewing.fleet.configuration.write_text(whole)
+    change("state = 'open'")
+    found, _ = renewing.renew("--all")
+    require((one.name, one.case) in found, f"what looks open again is looked at no more: {found}")
+    change("state = 'missing'")
+    found, _ = renewing.renew("--all", status=3)
+    require((one.name, one.case) not in found, f"what is missing is looked at: {found}")
+    change("state = 'closed'")
+    renewing.renew()
 
 
 def try_everything(programs, folder, store, connection):
@@ -212,6 +244,7 @@ def try_everything(programs, folder, store, connection):
     what_an_appliance_renews_stays_beside(renewing, cases, appliances["or-1"])
     two_workers_share_the_cases(renewing, set(recorded))
     a_store_that_is_away_is_waited_for(renewing, store)
+    nothing_is_kept_from_renewal(renewing, cases, [*"psql -qtA -v ON_ERROR_STOP=1 -d".split(), connection])
     a_new_hash_reads_all_data_again(renewing, cases, Disks(folder / "ceph"))
 
 
