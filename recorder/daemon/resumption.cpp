@@ -16,6 +16,7 @@
 #include "crypto/hash.h"
 #include "crypto/merkle_tree.h"
 #include "crypto/signed_note.h"
+#include "recorder/clock/clock_watch.h"
 
 namespace kiroku::recorder {
 namespace {
@@ -24,6 +25,7 @@ namespace fs = std::filesystem;
 using std::chrono::nanoseconds;
 
 constexpr std::size_t kLargestSubject = 16U << 20U;
+constexpr std::chrono::seconds kBetweenReadings{1};
 
 nanoseconds read_clock(clockid_t which) {
   timespec time{};
@@ -68,15 +70,27 @@ bool is_unwanted_end(const std::string& close_reason) {
 
 }  // namespace
 
-MachineTime machine_time() { return {utc_now(), read_clock(CLOCK_MONOTONIC), read_clock(CLOCK_BOOTTIME)}; }
+MachineTime machine_time() {
+  return {utc_now(), read_clock(CLOCK_MONOTONIC), read_clock(CLOCK_BOOTTIME),
+          read_kernel_clock().synchronised};
+}
 
 TimeSinceCut time_since(const archive::CutOffCase& cut, const MachineTime& now, const std::string& boot_id,
-                        std::optional<nanoseconds> logged_opening) {
-  if (cut.boot_id == boot_id && logged_opening) {
-    const nanoseconds at = *logged_opening + nanoseconds(cut.last.mono_ns - cut.opened.mono_ns);
-    // When the machine was suspended is not known: all of it may lie after the cut.
-    const nanoseconds suspended = std::max(nanoseconds(0), now.since_boot - now.monotonic);
-    return {std::max(nanoseconds(0), now.monotonic - at) + suspended, "by the monotonic clock"};
+                        const KnownOpening& opening) {
+  if (cut.boot_id == boot_id && opening.logged) {
+    const nanoseconds in_this_boot = std::max(nanoseconds(0), now.since_boot - now.monotonic);
+    const nanoseconds recorded(cut.last.mono_ns - cut.opened.mono_ns);
+    const nanoseconds awake = now.monotonic - *opening.logged;
+    // The two clocks are read one after the other.
+    const bool is_known = opening.suspended && *opening.suspended >= -kBetweenReadings &&
+                          *opening.suspended <= in_this_boot + kBetweenReadings;
+    if (is_known || in_this_boot <= kBetweenReadings) {
+      const nanoseconds before = is_known ? *opening.suspended : nanoseconds(0);
+      // The case clock goes on in suspension, too.
+      return {std::max(nanoseconds(0), awake + (in_this_boot - before) - recorded), "by the monotonic clock"};
+    }
+    return {std::max(nanoseconds(0), awake - recorded) + in_this_boot,
+            "by the monotonic clock, when the machine slept is not known", true};
   }
   const auto elapsed = std::chrono::duration_cast<nanoseconds>(now.utc - cut.last.utc);
   // Another boot began after the cut. A wall clock that says otherwise was set back, or lost its time.
@@ -86,7 +100,8 @@ TimeSinceCut time_since(const archive::CutOffCase& cut, const MachineTime& now, 
                               " and the case was recorded until " + format_utc(cut.last.utc) +
                               ", so that how long ago that was is not known"};
   }
-  return {elapsed, "by the wall clock"};
+  return {elapsed,
+          now.is_synchronised ? "by the wall clock" : "by the wall clock, which nobody has synchronised"};
 }
 
 /// What of a case's ledger decides.
@@ -158,7 +173,10 @@ std::optional<RunningCase> ResumptionPlanner::newest_of(const ResumeRule& rule) 
   std::optional<RunningCase> running = rule.note->read();
   if (!running) return {};
   // The note is written before the case is made, and cut off in between the earlier one is the newest.
-  if (!is_there(context_.archive / running->case_id)) running->case_id = running->carries_on;
+  if (!is_there(context_.archive / running->case_id)) {
+    running->case_id = running->carries_on;
+    running->suspended.reset();
+  }
   if (running->case_id.empty() || !is_there(context_.archive / running->case_id)) return {};
   return running;
 }
@@ -208,13 +226,19 @@ std::string ResumptionPlanner::refusal_by_history(const ResumeRule& rule, const 
   return "";
 }
 
-std::string ResumptionPlanner::refusal(const ResumeRule& rule, const archive::CutOffCase& cut,
-                                       const Facts& facts) const {
-  const TimeSinceCut since = time_since(cut, context_.now(), context_.boot_id, logged_opening(cut.case_id));
+TimeSinceCut ResumptionPlanner::since(const RunningCase& running, const archive::CutOffCase& cut) const {
+  return time_since(cut, context_.now(), context_.boot_id, {logged_opening(cut.case_id), running.suspended});
+}
+
+std::string ResumptionPlanner::refusal(const ResumeRule& rule, const RunningCase& running,
+                                       const archive::CutOffCase& cut, const Facts& facts) const {
+  const TimeSinceCut since = this->since(running, cut);
   if (!since.elapsed) return since.why;
   if (*since.elapsed >= rule.within) {
-    return "it was cut off " + in_words(*since.elapsed) + " ago " + since.why + ", and resume_within is " +
-           in_words(rule.within);
+    return "it was cut off " +
+           (since.is_bound ? "at most " + in_words(std::chrono::ceil<std::chrono::minutes>(*since.elapsed))
+                           : in_words(*since.elapsed)) +
+           " ago " + since.why + ", and resume_within is " + in_words(rule.within);
   }
   nanoseconds recorded{0};
   return refusal_by_history(rule, facts, recorded);
@@ -231,7 +255,7 @@ std::string ResumptionPlanner::carry_on(const archive::CutOffCase& cut) {
           cut.brings_subject && !is_newest_of_earlier(*running, facts->open)
               ? "it ended before anybody signed that it was opened, and its subject is not that of the case "
                 "before"
-              : refusal(rule, cut, *facts);
+              : refusal(rule, *running, cut, *facts);
     }
     if (!why.empty()) {
       decided_[cut.case_id] = "";
@@ -244,9 +268,9 @@ std::string ResumptionPlanner::carry_on(const archive::CutOffCase& cut) {
   return "";
 }
 
-void ResumptionPlanner::tell_of_end(const ResumeRule& rule, const Facts& facts) const {
-  const TimeSinceCut since =
-      time_since(facts.cut, context_.now(), context_.boot_id, logged_opening(facts.cut.case_id));
+void ResumptionPlanner::tell_of_end(const ResumeRule& rule, const RunningCase& running,
+                                    const Facts& facts) const {
+  const TimeSinceCut since = this->since(running, facts.cut);
   if (since.elapsed && *since.elapsed >= rule.within) return;
   tell(rule.room, "case " + facts.cut.case_id + " was ended (" + facts.close_reason +
                       ") while its operation went on, and is not carried on. Begin a case by hand where the "
@@ -261,7 +285,7 @@ std::optional<Resumption> ResumptionPlanner::of(const std::string& room) {
   if (!running) return {};
   const auto facts = facts_of(context_.archive / running->case_id);
   if (facts && is_unwanted_end(facts->close_reason)) {
-    tell_of_end(*rule, *facts);
+    tell_of_end(*rule, *running, *facts);
     return {};
   }
   if (running->ending) return {};
@@ -277,7 +301,7 @@ std::optional<Resumption> ResumptionPlanner::of(const std::string& room) {
   if (const auto decided = decided_.find(running->case_id);
       decided == decided_.end() || decided->second != *later) {
     // An earlier start announced it and was cut off itself.
-    if (const std::string why = refusal(*rule, facts->cut, *facts); !why.empty()) {
+    if (const std::string why = refusal(*rule, *running, facts->cut, *facts); !why.empty()) {
       tell(room, "case " + running->case_id + " was to be carried on and is not: " + why +
                      ". Begin a case by hand where the operation goes on");
       return {};

@@ -29,6 +29,7 @@ struct MachineTime {
   UtcTime utc;
   std::chrono::nanoseconds monotonic{0};
   std::chrono::nanoseconds since_boot{0};
+  bool is_synchronised = true;  // the wall clock, as the kernel says
 };
 MachineTime machine_time();
 
@@ -55,16 +56,22 @@ struct Resumption {
 };
 
 /// How long ago a case was cut off; nothing where no clock can tell, and `why` says which way it was known or
-/// why not. In one boot the monotonic clock decides, and time in suspension counts. After another boot only
-/// the wall clock can: it is not believed where the cut would lie after the boot, as with a clock that was
-/// set back or lost its battery.
+/// why not. In one boot the monotonic clock decides, and time in suspension since the case was begun counts.
+/// After another boot only the wall clock can: it is not believed where the cut would lie after the boot, as
+/// with a clock that was set back or lost its battery.
 struct TimeSinceCut {
   std::optional<std::chrono::nanoseconds> elapsed;
   std::string why;
+  /// The machine was suspended in this boot, and nobody knows when: all of it may lie after the cut.
+  bool is_bound = false;
 };
-/// `logged_opening`: the monotonic clock when the appliance log heard of the case, if that was in this boot.
+/// What is known of when the case was begun, if that was in this boot.
+struct KnownOpening {
+  std::optional<std::chrono::nanoseconds> logged;  // the monotonic clock when the appliance log heard of it
+  std::optional<std::chrono::nanoseconds> suspended;  // RunningCase::suspended
+};
 TimeSinceCut time_since(const archive::CutOffCase& cut, const MachineTime& now, const std::string& boot_id,
-                        std::optional<std::chrono::nanoseconds> logged_opening);
+                        const KnownOpening& opening);
 
 struct ResumeRule {
   std::string room;
@@ -109,14 +116,15 @@ class ResumptionPlanner {
   [[nodiscard]] std::optional<RunningCase> newest_of(const ResumeRule& rule) const;
   [[nodiscard]] std::optional<std::chrono::nanoseconds> logged_opening(const std::string& case_id) const;
   /// Why the case is not carried on; "" where it is.
-  [[nodiscard]] std::string refusal(const ResumeRule& rule, const archive::CutOffCase& cut,
-                                    const Facts& facts) const;
+  [[nodiscard]] std::string refusal(const ResumeRule& rule, const RunningCase& running,
+                                    const archive::CutOffCase& cut, const Facts& facts) const;
+  [[nodiscard]] TimeSinceCut since(const RunningCase& running, const archive::CutOffCase& cut) const;
   /// Of a case whose newest subject the room's note may have.
   [[nodiscard]] std::optional<Bytes> newest_subject_of(const std::string& room, const RunningCase& running,
                                                        const Facts& facts) const;
   [[nodiscard]] std::string refusal_by_history(const ResumeRule& rule, const Facts& newest,
                                                std::chrono::nanoseconds& recorded) const;
-  void tell_of_end(const ResumeRule& rule, const Facts& facts) const;
+  void tell_of_end(const ResumeRule& rule, const RunningCase& running, const Facts& facts) const;
   void tell(const std::string& room, const std::string& sentence) const;
 
   const Context context_;

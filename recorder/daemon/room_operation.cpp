@@ -155,6 +155,7 @@ void Room::State::note_beginning(const Request& asked) {
     RunningCase running{asked.identity.case_id, earlier ? earlier->case_id : "", asked.first_reason, false};
     // Should the case not come to be, the operation's newest is the one that the error ended.
     if (asked.reason == "after-error") running.carries_on = last_case();
+    running.suspended = time.since_boot() - time.now().time_since_epoch();
     plan.running->begins(running);
   } catch (const std::exception& error) {
     tell_problem("after a crash this case would not be carried on: " + std::string(error.what()));

@@ -1,5 +1,6 @@
 #include "recorder/daemon/running_note.h"
 
+#include <cstdint>
 #include <fstream>
 
 #include <nlohmann/json.hpp>
@@ -53,6 +54,10 @@ std::optional<RunningCase> read_note(const std::filesystem::path& file) {
   if (const auto subject = note.find("subject"); subject != note.end()) {
     running.subject = read_subject(*subject, running.case_id);
   }
+  if (const auto suspended = note.find("suspended_ns");
+      suspended != note.end() && suspended->is_number_integer()) {
+    running.suspended = std::chrono::nanoseconds(suspended->get<std::int64_t>());
+  }
   return running;
 }
 
@@ -91,6 +96,7 @@ void RunningNote::write(const RunningCase& running) {
                        {"sealed", crypto::to_base64(subject->sealed, crypto::Base64Padding::kPadded)},
                        {"signature", crypto::to_base64(subject->signature, crypto::Base64Padding::kPadded)}};
   }
+  if (running.suspended) note["suspended_ns"] = running.suspended->count();
   files_.write_durably(file_, bytes_of(note.dump() + "\n"));
 }
 

@@ -3,6 +3,7 @@
 // then. It is no evidence. Thread-safe.
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <mutex>
 #include <optional>
@@ -33,6 +34,9 @@ struct RunningCase {
   /// Of this case, or of the one that it carries on; nothing: that of the beginning is the newest. One that
   /// cannot be read has no signature.
   std::optional<NewestSubject> subject = {};
+  /// How long the machine had been suspended since its boot when the case was begun (CLOCK_BOOTTIME less
+  /// CLOCK_MONOTONIC). Nothing in a note of an earlier version.
+  std::optional<std::chrono::nanoseconds> suspended = {};
 };
 
 class RunningNote {

@@ -30,20 +30,52 @@ const UtcTime kCut = UtcTime(std::chrono::sys_days(std::chrono::year(2026) / 8 /
 TEST(TimeSinceCut, InOneBootTheWallClockDoesNotMatter) {
   const archive::CutOffCase cut = cut_at(kCut, "this");
   for (const auto step : {0h, 5000h, -5000h}) {
-    const auto since = time_since(cut, {kCut + step, 1000s, 1000s}, "this", 900s);
+    const auto since = time_since(cut, {kCut + step, 1000s, 1000s}, "this", {900s, {}});
     ASSERT_TRUE(since.elapsed);
     EXPECT_EQ(*since.elapsed, 40s);
   }
 }
 
-TEST(TimeSinceCut, TimeInSuspensionCounts) {
-  const auto since = time_since(cut_at(kCut, "this"), {kCut, 1000s, 1000s + 8h}, "this", 900s);
+// The case was recorded for 60 s from 900 s on, and it is 40 s later but for the time that the machine slept.
+TEST(TimeSinceCut, TimeInSuspensionCountsWhereItLiesAfterTheCut) {
+  const auto since = time_since(cut_at(kCut, "this"), {kCut, 1000s, 1000s + 8h}, "this", {900s, 0s});
   EXPECT_EQ(since.elapsed, 8h + 40s);
+  EXPECT_FALSE(since.is_bound);
+}
+
+TEST(TimeSinceCut, TimeInSuspensionBeforeTheCaseDoesNotCount) {
+  const auto since = time_since(cut_at(kCut, "this"), {kCut, 1000s, 1000s + 8h}, "this", {900s, 8h});
+  EXPECT_EQ(since.elapsed, 40s);
+  EXPECT_FALSE(since.is_bound);
+}
+
+TEST(TimeSinceCut, TimeInSuspensionWhileItWasRecordedDoesNotCount) {
+  archive::CutOffCase cut = cut_at(kCut, "this");
+  cut.last.mono_ns += std::chrono::nanoseconds(1h).count();  // the case clock went on
+  const auto since = time_since(cut, {kCut, 1000s, 1000s + 9h}, "this", {900s, 8h});
+  EXPECT_EQ(since.elapsed, 40s);
+}
+
+TEST(TimeSinceCut, WhereNobodyKnowsWhenTheMachineSleptItIsABound) {
+  for (const std::optional<std::chrono::nanoseconds> noted :
+       {std::optional<std::chrono::nanoseconds>(), {9h}, {-8h}}) {
+    const auto since = time_since(cut_at(kCut, "this"), {kCut, 1000s, 1000s + 8h}, "this", {900s, noted});
+    EXPECT_EQ(since.elapsed, 8h + 40s);
+    EXPECT_TRUE(since.is_bound);
+    EXPECT_THAT(since.why, HasSubstr("when the machine slept is not known"));
+  }
+}
+
+TEST(TimeSinceCut, SaysWhereTheWallClockIsNotSynchronised) {
+  const MachineTime now{kCut + 90s, 30s, 30s, false};
+  EXPECT_EQ(time_since(cut_at(kCut, "before"), now, "this", {}).why,
+            "by the wall clock, which nobody has synchronised");
 }
 
 TEST(TimeSinceCut, AfterAnotherBootTheWallClockDecides) {
   const auto since = time_since(cut_at(kCut, "before"), {kCut + 90s, 30s, 30s}, "this", {});
   EXPECT_EQ(since.elapsed, 90s);
+  EXPECT_EQ(since.why, "by the wall clock");
 }
 
 TEST(TimeSinceCut, AWallClockThatPutsTheCutBehindTheBootIsNotBelieved) {
@@ -98,6 +130,17 @@ TEST_F(RunningNoteTest, HasTheNewestSubjectUntilACaseThatCarriesItOnHasOne) {
   EXPECT_EQ(note.read()->subject->sealed, to_bytes("once more"));
   note.begins({kCase, "", "operator", false});
   EXPECT_FALSE(note.read()->subject) << "another operation";
+}
+
+TEST_F(RunningNoteTest, KeepsHowLongTheMachineHadSlept) {
+  RunningCase begun{kCase, "", "operator", false};
+  note.begins(begun);
+  EXPECT_FALSE(note.read()->suspended);
+  begun.suspended = 8h;
+  note.begins(begun);
+  note.newest_subject(sign_newest_subject(kCase, to_bytes("typed"), crypto::SigningKey::generate()));
+  note.ends(kCase);
+  EXPECT_EQ(note.read()->suspended, 8h);
 }
 
 TEST_F(RunningNoteTest, ASubjectCountsOnlyAsTheDeviceSignedItForThatCase) {

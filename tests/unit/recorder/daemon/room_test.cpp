@@ -1239,8 +1239,10 @@ TEST_F(GoingOn, TheRoomsNoteHasWhomTheCaseWasSaidToBeAboutLast) {
   RoomPlan noted = plan({kCamera});
   noted.procedure = procedure;
   noted.running = note;
+  time.suspend(1s);
   Room room(std::move(noted), listener(), time);
   const std::string id = room.start("operator");
+  EXPECT_EQ(note->read()->suspended, 1s) << "before the case";
   procedure->state("4711");
   const auto kept = [&] {
     const auto running = note->read();
