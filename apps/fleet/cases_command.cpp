@@ -264,8 +264,7 @@ int status(const Request& request) {
   const FleetConfiguration configuration = FleetConfiguration::read(request.configuration);
   fleet::FleetCatalogue catalogue = configuration.open_catalogue();
   const fleet::FleetTotals totals = catalogue.totals();
-  const std::uint64_t not_renewed =
-      fleet::RenewalBoard(fleet::Postgres(configuration.connection)).refused();
+  const std::uint64_t not_renewed = fleet::RenewalBoard(fleet::Postgres(configuration.connection)).refused();
   const FleetNow now = fleet_now(configuration);
   if (request.json) {
     print_json({{"cases", totals.cases},

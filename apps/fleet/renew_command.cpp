@@ -287,7 +287,8 @@ void add_fleet_renew_command(Command& program) {
       "with these files, and nothing is renewed for it. A store or an authority that is away is waited for.");
   command.explain(
       "Exit status: 0 nothing is due any more, 1 a case or its record must be looked at, 2 wrong usage or "
-      "unusable files, 3 something still waits, a case could not be looked at, or Ctrl-C came. With --dry-run 3 also says that something "
+      "unusable files, 3 something still waits, a case could not be looked at, or Ctrl-C came. With "
+      "--dry-run 3 also says that something "
       "is due.");
   const auto request = std::make_shared<Request>();
   command.option("--policy", "FILE", request->policy,

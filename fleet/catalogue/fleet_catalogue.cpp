@@ -168,8 +168,8 @@ constexpr const char* kRenewals[] = {
          PRIMARY KEY (appliance, case_id)))",
 };
 
-// What version 7 has more: what whoever may not enter verdicts found of a case, the page or a renewal. An alarm
-// or a doubt stands until the case is verified anew, which is due at once.
+// What version 7 has more: what whoever may not enter verdicts found of a case, the page or a renewal. An
+// alarm or a doubt stands until the case is verified anew, which is due at once.
 constexpr const char* kAccusations[] = {
     R"(CREATE FUNCTION kiroku.accuse(of_appliance text, of_case text, not_intact boolean, its_verdict text,
                                      its_findings bigint, why text)

@@ -14,8 +14,8 @@ std::string moment_at(const std::string& parameter) {
 Postgres::Value value_of(std::int64_t value) { return std::to_string(value); }
 Postgres::Value value_of(UtcTime time) { return std::to_string(time.time_since_epoch().count()); }
 
-/// Of the tables c and r; parameters 1 to 5. Whoever may put makes a case look as if it were open again, or had
-/// just changed, as often as they like: that keeps none from being looked at.
+/// Of the tables c and r; parameters 1 to 5. Whoever may put makes a case look as if it were open again, or
+/// had just changed, as often as they like: that keeps none from being looked at.
 std::string is_to_be_looked_at() {
   return R"((c.state = 'closed' OR (c.state <> 'missing' AND r.looked IS NOT NULL)) AND
             (c.changed_at <= now() - $2::bigint * interval '1 second' OR
