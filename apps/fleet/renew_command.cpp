@@ -288,8 +288,7 @@ void add_fleet_renew_command(Command& program) {
   command.explain(
       "Exit status: 0 nothing is due any more, 1 a case or its record must be looked at, 2 wrong usage or "
       "unusable files, 3 something still waits, a case could not be looked at, or Ctrl-C came. With "
-      "--dry-run 3 also says that something "
-      "is due.");
+      "--dry-run 3 also says that something is due.");
   const auto request = std::make_shared<Request>();
   command.option("--policy", "FILE", request->policy,
                  "TOML file that says until when algorithms count; instead of [evidence] of the "
