@@ -169,17 +169,20 @@ constexpr const char* kRenewals[] = {
 };
 
 // What version 7 has more: what whoever may not enter verdicts found of a case, the page or a renewal. An
-// alarm or a doubt stands until the case is verified anew, which is due at once.
+// alarm or a doubt stands until the case is verified anew, which is due at once. A worker that verifies it
+// meanwhile may have read it before, and enters nothing. That a case is intact nobody says in this way.
 constexpr const char* kAccusations[] = {
-    R"(CREATE FUNCTION kiroku.accuse(of_appliance text, of_case text, not_intact boolean, its_verdict text,
+    R"(CREATE OR REPLACE FUNCTION kiroku.accuse(of_appliance text, of_case text, not_intact boolean, its_verdict text,
                                      its_findings bigint, why text)
          RETURNS void LANGUAGE sql SECURITY DEFINER SET search_path = pg_catalog, pg_temp AS $$
          UPDATE kiroku.cases SET alarm = alarm OR not_intact,
              unchecked = CASE WHEN not_intact THEN unchecked ELSE why END, verdict = NULL, verified = NULL,
-             pending = 'epoch', leased_until = CASE WHEN leased_by IS NULL THEN NULL ELSE leased_until END
+             pending = 'epoch', leased_by = NULL, leased_until = NULL
            WHERE appliance = of_appliance AND case_id = of_case AND state <> 'missing';
          INSERT INTO kiroku.verifications (appliance, case_id, at, verdict, findings, detail)
-           SELECT of_appliance, of_case, now(), its_verdict, its_findings, why
+           SELECT of_appliance, of_case, now(),
+                  CASE WHEN NOT not_intact THEN 'could-not-check' WHEN its_verdict = 'intact-excerpt' THEN its_verdict
+                       ELSE 'tampered' END, its_findings, why
            WHERE EXISTS (SELECT FROM kiroku.cases WHERE appliance = of_appliance AND case_id = of_case) $$)",
     "REVOKE ALL ON FUNCTION kiroku.accuse FROM PUBLIC",
 };

@@ -130,8 +130,12 @@ std::uint64_t RenewalBoard::out_of_reach() {
   return static_cast<std::uint64_t>(database_
                                         .ask("SELECT count(*)" + std::string(kCasesAndRenewals) +
                                              "c.state = 'missing' OR (r.looked IS NULL AND "
-                                             "(c.state = 'unreadable' OR (c.state = 'open' AND c.changed_at "
-                                             "<= now() - interval '2 days')))")
+                                             "(c.state = 'unreadable' OR (c.state = 'open' AND "
+                                             "(c.changed_at <= now() - interval '2 days' OR c.pending <= "
+                                             "now() - interval '2 days' OR EXISTS (SELECT FROM "
+                                             "kiroku.verifications AS v WHERE v.appliance = c.appliance AND "
+                                             "v.case_id = c.case_id AND v.at <= now() - interval '2 "
+                                             "days')))))")
                                         .integer(0, 0));
 }
 

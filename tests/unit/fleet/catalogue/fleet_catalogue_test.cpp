@@ -52,7 +52,12 @@ class OfItsOwn : public testing::Test {
     database.ask("CREATE ROLE " + user_of(role) + " LOGIN IN ROLE " + role);
     return user_of(role);
   }
+  static void make_the_sixth_version(Postgres& database) {
+    database.ask("DROP FUNCTION kiroku.accuse");
+    database.ask("UPDATE kiroku.version SET version = 6");
+  }
   static void make_the_fifth_version(Postgres& database) {
+    make_the_sixth_version(database);
     database.ask("DROP TABLE kiroku.renewals");
     database.ask("UPDATE kiroku.version SET version = 5");
   }
@@ -517,6 +522,40 @@ TEST_F(FleetCatalogueTest, EachRoleMayDoItsPartAlone) {
   }
 }
 
+TEST_F(FleetCatalogueTest, WhatAReaderFindsStandsUntilTheCaseIsVerifiedAnew) {
+  put("or-1", "a", day(1));
+  Postgres database(connection());
+  make_the_sixth_version(database);
+  EXPECT_THAT([&] { (void)catalogue(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
+  FleetCatalogue::prepare(database);
+  FleetCatalogue reader(Postgres(connection(with_role("kiroku_reader"))));
+  FleetCatalogue indexer(Postgres(connection(with_role("kiroku_indexer"))));
+  FleetCatalogue verifier(Postgres(connection(with_role("kiroku_verifier"))));
+  const auto verify = [&] {
+    const std::optional<Lease> lease = verifier.lease(due(), 600s);
+    return lease && verifier.enter(*lease, {"intact", false, 0, ""});
+  };
+  EXPECT_TRUE(verify());
+  EXPECT_FALSE(verifier.lease(due(), 600s)) << "nothing is due";
+  reader.accuse("or-1", "a", {"tampered", true, 2, "a segment is another"});
+  EXPECT_THAT(found({.needs_a_person = true}), ElementsAre("or-1/a"));
+  EXPECT_FALSE(catalogue_.find({})[0].row.last_verdict);
+  // Who verifies it at this moment may have read it before.
+  const std::optional<Lease> before = verifier.lease(due(), 600s);
+  ASSERT_TRUE(before);
+  verifier.accuse("or-1", "a", {"could-not-check", false, 0, "its record was not renewed"});
+  EXPECT_FALSE(verifier.enter(*before, {"intact", false, 0, ""}));
+  EXPECT_TRUE(catalogue_.find({})[0].alarm) << "a doubt takes no alarm back";
+  EXPECT_TRUE(verify());
+  EXPECT_THAT(found({.needs_a_person = true}), IsEmpty());
+  // It brings no verdict that is good, and whoever may not accuse does not.
+  reader.accuse("or-1", "a", {"intact", true, 0, ""});
+  EXPECT_EQ(catalogue_.verifications("or-1", "a").back().verdict, "tampered");
+  expect_refused([&] { indexer.accuse("or-1", "a", {"tampered", true, 1, ""}); }, "permission denied");
+  reader.accuse("or-1", "none", {"tampered", true, 1, ""});
+  EXPECT_THAT(catalogue_.verifications("or-1", "none"), IsEmpty());
+}
+
 TEST_F(FleetCatalogueTest, ADatabaseWithoutOneOfAnotherVersionOrAwayIsToldOf) {
   try {
     FleetCatalogue none{Postgres(administrator())};
@@ -662,6 +701,15 @@ TEST_F(RenewalBoardTest, ACatalogueOfBeforeGetsATableForRenewals) {
   EXPECT_THAT([&] { (void)board(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
   FleetCatalogue::prepare(database);
   EXPECT_EQ(board().look(run()).size(), 1U);
+}
+
+TEST_F(RenewalBoardTest, WhatIsOpenAgainAndAgainIsCountedThoughItJustChanged) {
+  put("or-1", "a", day(1));
+  catalogue_.enter(*catalogue_.lease(due(), 600s), {"intact", false, 0, ""});
+  put("or-1", "a", day(1), "open", 7);
+  EXPECT_EQ(board_.out_of_reach(), 0U) << "it may be on its way";
+  Postgres(connection()).ask("UPDATE kiroku.verifications SET at = at - interval '3 days'");
+  EXPECT_EQ(board_.out_of_reach(), 1U);
 }
 
 // Who may report, and what each said last.
@@ -949,6 +997,7 @@ TEST_F(FleetReportsTest, ACatalogueOfTheFirstVersionIsBroughtUpToDate) {
   for (const char* table :
        {"appliances", "certificates", "enrolments", "wrong_codes", "search_notes", "renewals"})
     database.ask(std::string("DROP TABLE kiroku.") + table);
+  database.ask("DROP FUNCTION kiroku.accuse");
   database.ask("UPDATE kiroku.version SET version = 1");
   EXPECT_THAT([&] { reports(); }, ThrowsMessage<UsageError>(HasSubstr("kiroku-fleet init")));
   FleetCatalogue::prepare(database);
