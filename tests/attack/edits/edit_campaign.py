@@ -197,6 +197,9 @@ class Campaign:
         for path in list(result.tree):  # nothing lies below what is no folder
             if any(result.tree.get(str(parent), t.FOLDER) is not t.FOLDER for parent in pathlib.PurePosixPath(path).parents):
                 raise grammar.Unfit("below a file")
+        # Signed again, a log without an entry lacks its last checkpoint: a second name of that is no file.
+        if any(isinstance(node, t.Second) and not isinstance(result.tree.get(node), bytes) for node in result.tree.values()):
+            raise grammar.Unfit("a second name of nothing")
         return result
 
     def options(self, plan, scratch):
