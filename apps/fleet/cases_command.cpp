@@ -293,15 +293,16 @@ int status(const Request& request) {
               << "not proven        " << totals.incomplete << " incomplete, " << totals.unproven
               << " unproven\n"
               << "not checked       " << totals.unchecked << ", though it was tried\n"
-              << "not renewed       " << not_renewed << ", of which 'kiroku-fleet renew --all' says why\n"
+              << "not renewed       " << not_renewed
+              << " refused; 'kiroku-fleet renew' tries them again, and says why\n"
               << "not there         " << totals.missing << " missing from the store, " << totals.unreadable
               << " whose ledger cannot be read\n";
     print_rooms(now);
   }
   const bool is_bad = totals.alarms + totals.missing + totals.unreadable > 0;
-  const bool is_unknown = totals.incomplete + totals.unproven + totals.unchecked + not_renewed > 0;
+  const bool is_unknown = totals.incomplete + totals.unproven + totals.unchecked > 0;
   if (!request.json && (is_bad || is_unknown)) std::cout << "'kiroku-fleet cases --attention' names them.\n";
-  return is_bad ? kAnswerIsNo : is_unknown ? kNoAnswer : kDone;
+  return is_bad ? kAnswerIsNo : is_unknown || not_renewed > 0 ? kNoAnswer : kDone;
 }
 
 }  // namespace

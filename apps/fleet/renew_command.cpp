@@ -143,8 +143,8 @@ class RenewalWorker {
     if (out_of_reach_ > 0)
       print_error("kiroku-fleet",
                   "not looked at: " + counted(out_of_reach_, "case", "cases") +
-                      " that the store has not, or not whole, or whose ledger cannot be read. 'kiroku-fleet "
-                      "cases' names them by their state");
+                      " that the store lacks, that were never ended, or whose ledger cannot be read. "
+                      "'kiroku-fleet cases' names them by their state");
     const int status = teller_.status();
     return status == kDone && (ended_early_ || out_of_reach_ > 0) ? kNoAnswer : status;
   }

@@ -170,7 +170,8 @@ constexpr const char* kRenewals[] = {
 
 // What version 7 has more: what whoever may not enter verdicts found of a case, the page or a renewal. An
 // alarm or a doubt stands until the case is verified anew, which is due at once. A worker that verifies it
-// meanwhile may have read it before, and enters nothing. That a case is intact nobody says in this way.
+// meanwhile may have read it before, and enters nothing. That a case is intact nobody says in this way. And
+// since when a case changed that no renewal has looked at: a verdict ends what is pending, and not that.
 constexpr const char* kAccusations[] = {
     R"(CREATE OR REPLACE FUNCTION kiroku.accuse(of_appliance text, of_case text, not_intact boolean, its_verdict text,
                                      its_findings bigint, why text)
@@ -185,6 +186,14 @@ constexpr const char* kAccusations[] = {
                        ELSE 'tampered' END, its_findings, why
            WHERE EXISTS (SELECT FROM kiroku.cases WHERE appliance = of_appliance AND case_id = of_case) $$)",
     "REVOKE ALL ON FUNCTION kiroku.accuse FROM PUBLIC",
+    "ALTER TABLE kiroku.cases ADD COLUMN IF NOT EXISTS not_renewed_since timestamptz DEFAULT now()",
+    R"(CREATE OR REPLACE FUNCTION kiroku.forget() RETURNS trigger LANGUAGE plpgsql AS $$ BEGIN
+         NEW.changed_at = now();
+         NEW.pending = coalesce(OLD.pending, now());
+         NEW.not_renewed_since = coalesce(OLD.not_renewed_since, now());
+         NEW.verdict = NULL; NEW.verified = NULL; NEW.leased_by = NULL; NEW.leased_until = NULL;
+         RETURN NEW;
+       END $$)",
 };
 
 // Roles belong to the whole server, and may be there from another database of it.
@@ -204,7 +213,7 @@ constexpr const char* kRoles[] = {
     R"(GRANT UPDATE (opened, duration_ns, state, streams, segments, bytes, tokens, ledger_bytes, changed)
          ON kiroku.cases TO kiroku_indexer)",
     "GRANT INSERT, UPDATE ON kiroku.search_notes TO kiroku_indexer",
-    R"(GRANT UPDATE (verdict, verified, alarm, unchecked, pending, leased_by, leased_until)
+    R"(GRANT UPDATE (verdict, verified, alarm, unchecked, pending, not_renewed_since, leased_by, leased_until)
          ON kiroku.cases TO kiroku_verifier)",
     "GRANT INSERT ON kiroku.verifications TO kiroku_verifier",
     "GRANT EXECUTE ON FUNCTION kiroku.accuse TO kiroku_reader, kiroku_verifier",

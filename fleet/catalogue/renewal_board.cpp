@@ -19,10 +19,7 @@ Postgres::Value value_of(UtcTime time) { return std::to_string(time.time_since_e
 std::string is_to_be_looked_at() {
   return R"((c.state = 'closed' OR (c.state <> 'missing' AND r.looked IS NOT NULL)) AND
             (c.changed_at <= now() - $2::bigint * interval '1 second' OR
-             c.pending <= now() - interval '2 days' OR
-             coalesce(r.looked, (SELECT min(v.at) FROM kiroku.verifications AS v
-                                 WHERE v.appliance = c.appliance AND v.case_id = c.case_id))
-               <= now() - interval '2 days') AND
+             c.not_renewed_since <= now() - interval '2 days') AND
             (r.looked IS NULL OR (r.looked < )" +
          moment_at("$1") + R"( AND ($5::boolean OR r.judged_by IS DISTINCT FROM $3 OR r.renew_from <= now() OR
              r.looked <= now() - $4::bigint * interval '1 second' OR c.changed_at > r.looked OR r.again))))";
@@ -107,13 +104,17 @@ bool RenewalBoard::extend(const std::string& holder, std::chrono::seconds for_ho
 }
 
 bool RenewalBoard::enter(const std::string& holder, const std::string& judged_by, const RenewalFound& found) {
+  // What changed since it was leased has not been looked at.
   return database_
              .ask(
-                 "UPDATE kiroku.renewals SET looked = leased_at, judged_by = $4, what = $5, detail = $6, "
-                 "renew_from = " +
+                 "WITH entered AS (UPDATE kiroku.renewals SET looked = leased_at, judged_by = $4, what = $5, "
+                 "detail = $6, renew_from = " +
                      moment_at("$7") +
-                     ", record = $8, again = $9, leased_by = NULL, leased_at = NULL, leased_until = NULL "
-                     "WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 RETURNING 1",
+                     R"(, record = $8, again = $9, leased_by = NULL, leased_at = NULL, leased_until = NULL
+                      WHERE appliance = $1 AND case_id = $2 AND leased_by = $3 RETURNING looked)
+                    UPDATE kiroku.cases SET
+                      not_renewed_since = CASE WHEN changed_at > entered.looked THEN changed_at END
+                      FROM entered WHERE appliance = $1 AND case_id = $2 RETURNING 1)",
                  {found.appliance, found.case_id, holder, judged_by, found.what, printable(found.detail),
                   found.renew_from ? value_of(*found.renew_from) : std::nullopt,
                   found.record.empty() ? std::nullopt : Postgres::Value(found.record),
@@ -127,16 +128,13 @@ std::uint64_t RenewalBoard::refused() {
 }
 
 std::uint64_t RenewalBoard::out_of_reach() {
-  return static_cast<std::uint64_t>(database_
-                                        .ask("SELECT count(*)" + std::string(kCasesAndRenewals) +
-                                             "c.state = 'missing' OR (r.looked IS NULL AND "
-                                             "(c.state = 'unreadable' OR (c.state = 'open' AND "
-                                             "(c.changed_at <= now() - interval '2 days' OR c.pending <= "
-                                             "now() - interval '2 days' OR EXISTS (SELECT FROM "
-                                             "kiroku.verifications AS v WHERE v.appliance = c.appliance AND "
-                                             "v.case_id = c.case_id AND v.at <= now() - interval '2 "
-                                             "days')))))")
-                                        .integer(0, 0));
+  return static_cast<std::uint64_t>(
+      database_
+          .ask(
+              "SELECT count(*)" + std::string(kCasesAndRenewals) +
+              "c.state = 'missing' OR (r.looked IS NULL AND (c.state = 'unreadable' OR (c.state = 'open' AND "
+              "least(c.changed_at, c.not_renewed_since) <= now() - interval '2 days')))")
+          .integer(0, 0));
 }
 
 void RenewalBoard::give_back(const std::string& holder) {

@@ -61,7 +61,8 @@ class RenewalBoard {
   bool enter(const std::string& holder, const std::string& judged_by, const RenewalFound& found);
   /// How many cases were refused when they were last looked at.
   [[nodiscard]] std::uint64_t refused();
-  /// How many nobody looks at: those that are open and have not changed for two days, unreadable or missing.
+  /// How many nobody looks at: those that are missing, and of those that were never looked at the unreadable
+  /// ones, and such as are open, or change, for two days.
   [[nodiscard]] std::uint64_t out_of_reach();
   /// Ends what is left of the batch.
   void give_back(const std::string& holder);

@@ -8,8 +8,8 @@ Usage: tests/fleet/kills.py PROGRAMS [--kills N] [--rooms N] [--seed N]
 
 What is killed: a shipper, the server to which appliances report and which has their checkpoints stamped together, the server of the page, the worker that
 verifies, PostgreSQL, and the store's gateway and OSD. Each is started anew at once, as systemd does it. Meanwhile each room records one case after the other.
-Afterwards every file of each archive must be in the store, as it was recorded, and confirmed; what is there twice is counted, and must be the same; and every case must verify from the store alone, by
-kiroku-verify and by kiroku-fleet. Prints figures for docs/results/record.py.
+Afterwards every file of each archive must be in the store once, as it was recorded, and confirmed; and every case must verify from the store alone, by
+kiroku-verify and by kiroku-fleet. What is there twice, or confirmed by nobody, is told once all of it was looked at. Prints figures for docs/results/record.py.
 Exit status: 0 everything holds, 1 something does not, 77 Ceph or PostgreSQL is not installed.
 """
 import argparse
@@ -143,7 +143,8 @@ def entries(room, case, kind):
 
 
 def require_all_there(room, store, found, tags):
-    """Each file of its archive, as it is here, and confirmed, and nothing else than that and the parts of ledgers. What was counted."""
+    """Each file of its archive as it is here, and nothing else than that and the parts of ledgers. What was counted: the caller judges what is there twice,
+    or confirmed by nobody."""
     told = json.loads(room.kiroku("ship", "--status", "--json"))
     require(told["waiting"] == 0 and not told["problems"], f"{room.name}: something waits: {told}")
     versions = {key: its for key, its in found.items() if key.startswith(room.name + "/")}
@@ -163,7 +164,8 @@ def require_all_there(room, store, found, tags):
         with contextlib.closing(sqlite3.connect(each)) as database:
             confirmed |= {key for (key,) in database.execute("SELECT key FROM object")}
     unconfirmed = versions.keys() - confirmed
-    require(not unconfirmed, f"{room.name}: not confirmed: {sorted(unconfirmed)[:5]}")
+    if unconfirmed:
+        print(f"  {room.name}: not confirmed: {sorted(unconfirmed)}", flush=True)
     for key, file in files.items():
         require(store.get("recordings", key) == file.read_bytes(), f"{key} is not what was recorded")
     growth = b"".join(store.get("recordings", key) for key in sorted(versions) if key.startswith(f"{room.name}/growing/log/"))
@@ -317,7 +319,7 @@ def main():
                 tokens = entries(room, case, "token")
                 shared += sum(token["file"].endswith(".ers") for token in tokens)
                 own += sum(not token["file"].endswith(".ers") for token in tokens)
-        print(f"holds: {there['objects']} objects, none lost or unconfirmed, {there['doubled']} put twice; {cases} cases verify from the store alone", flush=True)
+        print(f"holds: {there['objects']} objects, none lost; {cases} cases verify from the store alone", flush=True)
         require(shared > 0, "no token was shared")
         # What the fleet knows is the same.
         hospital.fleet("index")
@@ -329,7 +331,8 @@ def main():
         print(f"holds: kiroku-fleet has {cases} cases and finds each intact; {shared} shared time-stamps, {own} of a room's own, {missed} missed")
         figures = {"kills": sum(done.values()), **{each: done[each] for each in ("shipper", "aggregator", "page", "worker", "database", "gateway", "osd")},
                    **{each: there[each] for each in ("objects", "lost", "doubled", "unconfirmed")}, "cases": cases, "verified": verified, "shared": shared, "own": own, "missed": missed}
-        print(" ".join(f"{key}={value}" for key, value in figures.items()))
+        print(" ".join(f"{key}={value}" for key, value in figures.items()), flush=True)
+        require(there["doubled"] + there["unconfirmed"] == 0, f"{there['doubled']} objects were put twice, {there['unconfirmed']} are confirmed by nobody")
 
 
 if __name__ == "__main__":

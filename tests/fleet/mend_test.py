@@ -498,6 +498,10 @@ def the_page_plays_what_was_mended(programs, mending, place, folder):
         while status == 202:
             status, answer = person.ask(f"cases/or-1~{place.case}/verification")
         require(json.loads(answer)["verdict"] == "tampered" and place.versions(segment) == before, "the page mends")
+        # Whoever asked is not alone to know: the store's list says nothing of rotten bytes.
+        (row,) = mending.fleet.tell("cases", "--attention")["cases"]
+        require((row["case"], row["alarm"], row["verdict"]) == (place.case, True, None), f"the list goes on saying {row}")
+        require(mending.fleet.tell("status", status=1)["not_intact"] == 1, "the status does not tell")
         require(mending.verify(place.case, "intact")[0].keys() == {segment}, "it is not mended")
         server.end()
         server, person = page()

@@ -205,21 +205,32 @@ def nothing_is_kept_from_renewal(renewing, cases, database):
 
     whole = renewing.fleet.configuration.read_text()
     renewing.fleet.configuration.write_text(whole.replace("settle_minutes = 0", "settle_minutes = 60"))
-    change("changed_at = now()")
+    change("changed_at = now(), not_renewed_since = now()")
     found, _ = renewing.renew("--all")
     require((one.name, one.case) not in found, f"what may be on its way is looked at: {found}")
-    change("looked = now() - interval '3 days'", "renewals")
+    change("not_renewed_since = now() - interval '3 days'")
     found, _ = renewing.renew()
     require(found == {(one.name, one.case): "nothing-due"}, f"what changes each hour is never looked at: {found}")
     renewing.fleet.configuration.write_text(whole)
-    change("state = 'open'")
-    found, _ = renewing.renew("--all")
-    require((one.name, one.case) in found, f"what looks open again is looked at no more: {found}")
+    # A newest ledger without its end, by whoever may put.
+    key = f"{one.name}/{one.case}/ledger.jsonl"
+    recorded, other = one.store.get(BUCKET, key), renewing.folder / "other-ledger"
+    other.write_bytes(recorded[:recorded.index(b'"type":"close"')].rpartition(b"\n")[0] + b"\n")
+    one.store.put(BUCKET, key, other)
+    renewing.fleet.tell("index")
+    (row,) = [each for each in renewing.fleet.tell("cases")["cases"] if each["case"] == one.case]
+    require(row["state"] == "open", f"the ledger without its end: {row}")
+    found, _ = renewing.renew()
+    require(found == {(one.name, one.case): "nothing-due"}, f"what looks open again is looked at no more: {found}")
+    other.write_bytes(recorded)
+    one.store.put(BUCKET, key, other)
+    renewing.fleet.tell("index")
     change("state = 'missing'")
     found, _ = renewing.renew("--all", status=3)
     require((one.name, one.case) not in found, f"what is missing is looked at: {found}")
     change("state = 'closed'")
     renewing.renew()
+    renewing.fleet.tell("verify")
 
 
 def try_everything(programs, folder, store, connection):

@@ -202,6 +202,7 @@ def try_spoiling_enrolment(server, folder, appliance, psql):
         require(statuses == [404] * 4, f"addresses of nobody are answered with {statuses}")
         statuses = [raw_status(url, b"/enrol/" + b"1" * 64) for _ in range(8)]
         require(429 in statuses, f"whoever guesses again and again is answered with {statuses}")
+
         def ask_to_be_enrolled(number):
             return answer(report_desk(url), "/enrol", json.dumps({"request": certificate_request(folder, f"or-{number}")}))[0]
 

@@ -54,6 +54,7 @@ class OfItsOwn : public testing::Test {
   }
   static void make_the_sixth_version(Postgres& database) {
     database.ask("DROP FUNCTION kiroku.accuse");
+    database.ask("ALTER TABLE kiroku.cases DROP COLUMN not_renewed_since");
     database.ask("UPDATE kiroku.version SET version = 6");
   }
   static void make_the_fifth_version(Postgres& database) {
@@ -708,7 +709,10 @@ TEST_F(RenewalBoardTest, WhatIsOpenAgainAndAgainIsCountedThoughItJustChanged) {
   catalogue_.enter(*catalogue_.lease(due(), 600s), {"intact", false, 0, ""});
   put("or-1", "a", day(1), "open", 7);
   EXPECT_EQ(board_.out_of_reach(), 0U) << "it may be on its way";
-  Postgres(connection()).ask("UPDATE kiroku.verifications SET at = at - interval '3 days'");
+  Postgres(connection())
+      .ask("UPDATE kiroku.cases SET not_renewed_since = not_renewed_since - interval '3 days'");
+  // Nor does a change end that.
+  put("or-1", "a", day(1), "open", 8);
   EXPECT_EQ(board_.out_of_reach(), 1U);
 }
 
